@@ -1,0 +1,82 @@
+"""Camera pose at one instant and the line it maps a live row to."""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+OPTIONS = {'cache': True, 'nogil': True, 'fastmath': True, 'error_model': 'numpy'}
+
+
+@njit(inline='always', **OPTIONS)
+def basis(u, out):
+    """Write the four cubic B-spline weights at fraction `u` of a knot span."""
+    v = 1.0 - u
+    out[0] = v * v * v / 6.0
+    out[1] = (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0
+    out[2] = (-3.0 * u * u * u + 3.0 * u * u + 3.0 * u + 1.0) / 6.0
+    out[3] = u * u * u / 6.0
+
+
+@njit(inline='always', **OPTIONS)
+def basis_slope(u, out):
+    """Write the derivatives of the four weights with respect to `u`."""
+    v = 1.0 - u
+    out[0] = -0.5 * v * v
+    out[1] = 1.5 * u * u - 2.0 * u
+    out[2] = -1.5 * u * u + u + 0.5
+    out[3] = 0.5 * u * u
+
+
+@njit(inline='always', **OPTIONS)
+def span(time, first_time, knot_rows, knots):
+    """Return the span of `time` and the fraction in it; times beyond the ends are clamped."""
+    s = (time - first_time) / knot_rows
+    s = min(max(s, 0.0), knots - 3.000001)
+    j = int(s)
+    return j, s - j
+
+
+@njit(**OPTIONS)
+def rotation(r_x, r_y, r_z, out):
+    """Write R = exp([r]_x) [rad] as nine numbers, row by row (Rodrigues)."""
+    angle2 = r_x * r_x + r_y * r_y + r_z * r_z
+    if angle2 < 1e-14:
+        a = 1.0
+        b = 0.5
+    else:
+        angle = math.sqrt(angle2)
+        a = math.sin(angle) / angle
+        b = (1.0 - math.cos(angle)) / angle2
+    out[0] = 1.0 - b * (r_y * r_y + r_z * r_z)
+    out[1] = b * r_x * r_y - a * r_z
+    out[2] = b * r_x * r_z + a * r_y
+    out[3] = b * r_x * r_y + a * r_z
+    out[4] = 1.0 - b * (r_x * r_x + r_z * r_z)
+    out[5] = b * r_y * r_z - a * r_x
+    out[6] = b * r_x * r_z - a * r_y
+    out[7] = b * r_y * r_z + a * r_x
+    out[8] = 1.0 - b * (r_x * r_x + r_y * r_y)
+
+
+@njit(**OPTIONS)
+def homography(q, focal, half_width, inverse_depth, out):
+    """
+    Write H = R + T n^T / d between centred pixels, for path coordinates `q` (see `motion`).
+
+    ``w (U, V, 1)^T = H (X, Y, 1)^T`` with (X, Y) from the live centre, (U, V) from the reference's.
+    """
+    tilt = focal / (half_width * half_width)
+    rotation(
+        -math.atan(q[5] * tilt), math.atan(q[4] * tilt), q[2] / half_width, out
+    )
+    zoom = half_width / (half_width + q[3])  # 1 / s
+    t_x = q[0] * zoom / focal - out[2]
+    t_y = q[1] * zoom / focal - out[5]
+    t_z = zoom - out[8]
+    out[2] = (out[2] + t_x * inverse_depth) * focal
+    out[5] = (out[5] + t_y * inverse_depth) * focal
+    out[6] /= focal
+    out[7] /= focal
+    out[8] += t_z * inverse_depth

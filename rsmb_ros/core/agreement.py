@@ -1,0 +1,37 @@
+"""Whether a registered image shows the same scene as the live one."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+BLOCKS_ACROSS = 20  # blocks over the image's width
+MIN_CONTRAST = 3.0  # grey levels of a block that is asked
+MIN_CORRELATION = 0.5  # of a block that agrees
+MIN_BLOCKS = 4
+
+
+def agreement(predicted: np.ndarray, live: np.ndarray, complete: np.ndarray) -> float | None:
+    """
+    Share of textured blocks whose predicted and live grey levels correlate, 0..1.
+
+    Blocks vote one each, so a large change or strong light in one place cannot decide. Images are
+    (M, N) float32, `complete` (M, N) bool. None when too few blocks have texture.
+    """
+    size = max(8, predicted.shape[1] // BLOCKS_ACROSS)
+    grid = (predicted.shape[1] // size, predicted.shape[0] // size)
+    whole = np.s_[: grid[1] * size, : grid[0] * size]
+
+    def block_mean(image: np.ndarray) -> np.ndarray:
+        return cv2.resize(image[whole], grid, interpolation=cv2.INTER_AREA)
+
+    full = block_mean(complete.astype(np.float32)) > 0.999
+    mean_p, mean_l = block_mean(predicted), block_mean(live)
+    var_p = block_mean(predicted * predicted) - mean_p**2
+    var_l = block_mean(live * live) - mean_l**2
+    both = block_mean(predicted * live) - mean_p * mean_l
+    asked = full & (np.maximum(var_p, var_l) > MIN_CONTRAST**2)
+    if np.count_nonzero(asked) < MIN_BLOCKS:
+        return None
+    correlation = both[asked] / np.sqrt(np.maximum(var_p[asked] * var_l[asked], 1e-6))
+    return float((correlation > MIN_CORRELATION).mean())

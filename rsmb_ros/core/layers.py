@@ -1,0 +1,190 @@
+"""
+Static objects at other depths (Algorithm 1 of the report).
+
+Each object the background does not explain is rendered again with the same camera path and its
+translation scaled by a relative depth; where one depth explains a large part of it, that part was in the
+reference all along. What such an object uncovers or half covers cannot be judged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from .config import LayersConfig
+from .evidence import evidence
+from .motion import CameraPath
+from .render import Window
+from .segmentation import Blob
+
+COARSE_STEP = 0.05
+FINE_STEPS = (0.025, 0.0125, 0.006)
+PAD = 6  # px around an object that is rendered with it
+UNSEEN_Z = 9.0  # normalised residual of a pixel that a depth cannot show
+MAX_Z2 = 16.0  # truncation of the energy that depths are compared by
+EXPLAINED = 2.2  # evidence below which a pixel is explained [sigma]
+MIN_PARALLAX = 0.4  # px; less than that and no depth can be told from the background
+MIN_SHARE = 0.13  # of the object that must be explained
+MIN_CORE = 4.2e-4  # of the frame: largest connected explained part (130 px at 640x480)
+MIN_CORRELATION = 0.6  # of prediction and live on the object ...
+SURE_SHARE = 0.5  # ... unless this share is explained
+MAX_ENERGY_RATIO = 0.85  # of the energy at the background's depth
+RIM_LOW, RIM_HIGH = 0.02, 0.98  # share of the exposure that makes a pixel a rim
+
+Render = Callable[[float, Window], tuple[np.ndarray, np.ndarray]]
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One static object at its depth."""
+
+    blob: Blob  # the part of the live image it explains
+    relative_depth: float  # d_l
+    share: float  # of the object that the depth explains, 0..1
+
+
+@dataclass(frozen=True)
+class DepthSearch:
+    """Judges objects of one frame against the reference at other depths."""
+
+    live: np.ndarray  # (M, N) float32 display values
+    sigma: Callable[[np.ndarray], np.ndarray]  # predicted image -> noise [grey levels]
+    render: Render  # (depth, window) -> predicted display values, where they hold
+    path: CameraPath
+    config: LayersConfig
+
+    def explain(self, blob: Blob) -> Layer | None:
+        """Return the layer that explains `blob`, None when it is a change."""
+        window = _padded(blob, self.live.shape)
+        mask = np.zeros((window.bottom - window.top, window.right - window.left), bool)
+        top, left = blob.y - window.top, blob.x - window.left
+        mask[top : top + blob.mask.shape[0], left : left + blob.mask.shape[1]] = blob.mask
+        at_background = self._energy(1.0, window, mask)
+        depth, energy = self._best_depth(window, mask)
+        if self._parallax(blob, depth) < MIN_PARALLAX:
+            return None
+        z, predicted = self._normalised(depth, window)
+        explained = ((evidence(z) < EXPLAINED) & mask).astype(np.uint8)
+        explained = cv2.morphologyEx(explained, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
+        share = float(explained[mask].mean())
+        live = self.live[window.box]
+        accepted = (
+            energy < MAX_ENERGY_RATIO * at_background
+            and share > MIN_SHARE
+            and _largest(explained) >= MIN_CORE * self.live.size
+            and (share > SURE_SHARE or _correlation(predicted[mask], live[mask]) > MIN_CORRELATION)
+        )
+        if not accepted:
+            return None
+        kernel = np.ones((7, 7), np.uint8)
+        whole = cv2.dilate(
+            cv2.morphologyEx(explained, cv2.MORPH_CLOSE, kernel), np.ones((3, 3), np.uint8)
+        )
+        return Layer(Blob(whole > 0, window.left, window.top), depth, share)
+
+    def _best_depth(self, window: Window, mask: np.ndarray) -> tuple[float, float]:
+        """Coarse-to-fine minimum of the truncated energy over the relative depth."""
+        depths = np.arange(self.config.depth_min, self.config.depth_max + 1e-9, COARSE_STEP)
+        energies = [self._energy(depth, window, mask) for depth in depths]
+        best = int(np.argmin(energies))
+        depth, energy = float(depths[best]), energies[best]
+        for step in FINE_STEPS:
+            for candidate in (depth - step, depth + step):
+                value = self._energy(candidate, window, mask)
+                if value < energy:
+                    depth, energy = candidate, value
+        return depth, energy
+
+    def _energy(self, depth: float, window: Window, mask: np.ndarray) -> float:
+        z, _ = self._normalised(depth, window)
+        return float(np.minimum(z[mask] ** 2, MAX_Z2).mean())
+
+    def _normalised(self, depth: float, window: Window) -> tuple[np.ndarray, np.ndarray]:
+        predicted, complete = self.render(depth, window)
+        z = (self.live[window.box] - predicted) / self.sigma(predicted)
+        z[~complete] = UNSEEN_Z
+        return z, predicted
+
+    def _parallax(self, blob: Blob, depth: float) -> float:
+        """Pixels that `depth` moves the object's middle row against the background."""
+        height, width = blob.mask.shape
+        times = self.path.row_times[[blob.y + height // 2]]
+        shift = self.path.coordinates(times)[0, :2]
+        x = blob.x + width / 2 - self.path.grid.center[0]
+        y = blob.y + height / 2 - self.path.grid.center[1]
+        zoom = self.path.coordinates(times)[0, 3] / self.path.grid.half_width
+        return float(np.hypot(shift[0] + zoom * x, shift[1] + zoom * y) * abs(1 / depth - 1))
+
+
+def unjudgeable(
+    layers: list[Layer],
+    path: CameraPath,
+    render_cover: Callable[[np.ndarray, float], np.ndarray],
+) -> np.ndarray:
+    """
+    Mark what the layers hide, uncover or half cover in the live frame, (M, N) bool.
+
+    `render_cover` renders a mask on the reference's grid, float32 0..1, at a depth.
+    """
+    unknown = np.zeros(path.grid.live_shape, bool)
+    for layer in layers:
+        cover = _cover_in_reference(layer, path)
+        uncovered = render_cover(cover, 1.0)
+        own = render_cover(cover, layer.relative_depth)
+        unknown |= (uncovered > 0.03) & (own < RIM_HIGH)
+        unknown |= (own > RIM_LOW) & (own < RIM_HIGH)
+    return unknown
+
+
+def _cover_in_reference(layer: Layer, path: CameraPath) -> np.ndarray:
+    """Where a layer's pixels lie in the reference (rows, cols) float32, 0 or 1, a little widened."""
+    rows, cols = path.grid.reference_shape
+    cover = np.zeros((rows, cols), np.uint8)
+    for u, v in _reference_places(layer, path):
+        inside = (u >= 0) & (v >= 0) & (u < cols) & (v < rows)
+        cover[v[inside], u[inside]] = 1
+    cover = cv2.morphologyEx(cover, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8))
+    wide = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (9, 9))
+    return cv2.dilate(cover, wide).astype(np.float32)
+
+
+def _reference_places(layer: Layer, path: CameraPath) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield reference columns and rows of the layer's pixels, one live row at a time."""
+    center = path.grid.center
+    homographies = path.row_homographies(layer.relative_depth)
+    for row in range(layer.blob.mask.shape[0]):
+        x = np.flatnonzero(layer.blob.mask[row]) + layer.blob.x
+        y = row + layer.blob.y
+        if y >= len(homographies) or not len(x):
+            continue
+        points = np.stack([x - center[0], np.full(len(x), y - center[1]), np.ones(len(x))])
+        u, v, w = homographies[y] @ points
+        yield (
+            np.rint(u / w + center[2]).astype(np.int64),
+            np.rint(v / w + center[3]).astype(np.int64),
+        )
+
+
+def _padded(blob: Blob, shape: tuple[int, ...]) -> Window:
+    height, width = blob.mask.shape
+    return Window(
+        max(0, blob.y - PAD),
+        min(shape[0], blob.y + height + PAD),
+        max(0, blob.x - PAD),
+        min(shape[1], blob.x + width + PAD),
+    )
+
+
+def _largest(mask: np.ndarray) -> int:
+    """Area of the largest connected region of a mask [px]."""
+    count, _, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    return int(stats[1:, cv2.CC_STAT_AREA].max()) if count > 1 else 0
+
+
+def _correlation(a: np.ndarray, b: np.ndarray) -> float:
+    if a.std() < 1e-3 or b.std() < 1e-3:
+        return 0.0
+    return float(np.corrcoef(a, b)[0, 1])

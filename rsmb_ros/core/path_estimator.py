@@ -1,0 +1,291 @@
+"""
+Path estimator: one continuous camera path fitted to the whole frame (findings.md section 1, 2).
+
+Robust Gauss-Newton over a pyramid on the strongest gradients of the live image; unknowns are
+the control points of the path, the light, and the exposure when it is not given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from ._kernels.fit import BIAS_SCALE, EXTRA, accumulate, strongest_gradients
+from .coarse import StripMatches, start_path
+from .config import Config
+from .motion import CameraPath, Grid
+from .photometric import Light, to_display
+from .sampling import half_pixel, pyramid
+
+COARSEST_WIDTH = 160  # px; the pyramid ends there
+CHUNKS = 8  # blocks of rows, summed in this order whatever the number of threads
+ROW_STEP = 4  # rows between rows of points, at full size
+BIN_WIDTH = 7  # px per point, at full size
+POINT_STEP = 1.0  # px of the level between instants of the exposure
+NO_RESIDUAL = 1e8  # residuals above this mark points without reference
+MIN_SIGMA = 1.0  # grey levels; no camera is quieter
+
+# Per pyramid level, full size first; the last entry serves all coarser ones.
+ITERATIONS = (6, 10, 14)
+STOP_STEP = (0.015, 0.05, 0.1)  # px, rms of a step of the control points
+STIFFNESS = (0.003, 0.1, 1.0)
+# How reluctantly each path coordinate bends and changes; a row alone hardly sees the tilt.
+BEND = np.array([0.1, 0.1, 0.2, 0.4, 2.0, 2.0])
+SLOPE = np.array([0.0, 0.0, 0.0, 0.05, 2.0, 8.0])
+TILT_SIGMA = 4.0  # px at half width, prior on the perspective terms (1.3 deg at f = 0.9 width)
+EXPOSURE_SIGMA = 0.3  # relative prior on the exposure while it is estimated
+COLD_EXPOSURES = (3.0, 12.0, 36.0, 90.0, 200.0)  # rows, tried when nothing is known
+
+
+@dataclass(frozen=True)
+class PathFit:
+    """Outcome of the estimation."""
+
+    path: CameraPath
+    light: Light
+    sigma: float  # robust standard deviation of the residual [grey levels]
+    cost: float  # mean truncated residual [grey levels]; compares starts
+    covariance: np.ndarray  # (knots * 6, knots * 6) of the control points [px^2]
+    used: float  # share of the points that lie in the reference, 0..1
+
+
+@dataclass(frozen=True)
+class _Level:
+    """Reference at one size."""
+
+    fine: np.ndarray  # half-pixel reference in linear light, flat
+    shape: tuple[int, int]  # of the half-pixel reference
+    factor: float  # full-size pixels per pixel
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Where the live image is compared at one size."""
+
+    rows: np.ndarray  # (R,)
+    columns: np.ndarray  # (R, P)
+    values: np.ndarray  # (R, P) display values
+
+
+class PathEstimator:
+    """Fits camera paths of live frames of one size to one reference."""
+
+    def __init__(
+        self, reference: np.ndarray, grid: Grid, config: Config, executor: Executor
+    ) -> None:
+        """Prepare `reference`, (M, N) float32 in linear light."""
+        self._grid = grid
+        self._config = config
+        self._executor = executor
+        smaller = min(grid.live_shape[1], grid.reference_shape[1])
+        count = max(1, 1 + round(np.log2(max(1.0, smaller / COARSEST_WIDTH))))
+        self._levels = []
+        for n, image in enumerate(pyramid(reference, count)):
+            fine = half_pixel(image)
+            self._levels.append(_Level(fine.ravel(), fine.shape, 2.0**n))
+
+    def estimate(self, live: np.ndarray, matches: StripMatches) -> PathFit:
+        """
+        Fit the path of `live`, (M, N) float32 in linear light, from the coarse matches.
+
+        Never raises on image content: a hopeless frame ends with a large `cost`.
+        """
+        gamma = self._config.camera.gamma
+        points = [
+            _select_points(to_display(image, gamma), n)
+            for n, image in enumerate(pyramid(live, len(self._levels)))
+        ]
+        given = self._config.shutter.exposure_rows
+        if given > 0:
+            fit = self._fit_levels(points, self._start(matches, given), 0, free_exposure=False)
+        else:
+            fit = self._self_calibrated(points, matches)
+        return fit
+
+    def _start(self, matches: StripMatches, exposure: float) -> PathFit:
+        bottom_up = self._config.shutter.readout == 'bottom_up'
+        knot_rows = self._config.registration.knot_rows
+        longest = 1.6 * exposure + 4.0
+        path = start_path(matches, self._grid, knot_rows, exposure, longest, bottom_up)
+        return PathFit(path, Light.same(), 12.0, np.inf, np.zeros((0, 0)), 0.0)
+
+    def _self_calibrated(self, points: Sequence[_Points], matches: StripMatches) -> PathFit:
+        """Try several exposures on small images, finish with the one that fits best."""
+        finest = min(1, len(self._levels) - 1)
+        longest = 0.8 * self._grid.live_shape[0]
+        fits = [
+            self._fit_levels(points, self._start(matches, exposure), finest, True)
+            for exposure in [e for e in COLD_EXPOSURES if e <= longest] or [longest]
+        ]
+        best = min(fits, key=lambda fit: fit.cost)
+        return self._fit_levels(points[:finest], best, 0, True)
+
+    def _fit_levels(
+        self, points: Sequence[_Points], fit: PathFit, finest: int, free_exposure: bool
+    ) -> PathFit:
+        for n in range(len(points) - 1, finest - 1, -1):
+            # a small image cannot tell exposures apart
+            fit = self._fit_level(n, points[n], fit, free_exposure and n <= 1)
+        return fit
+
+    def _fit_level(self, n: int, points: _Points, fit: PathFit, free_exposure: bool) -> PathFit:
+        stage = min(n, len(ITERATIONS) - 1)
+        start_exposure = fit.path.exposure_rows
+        for iteration in range(ITERATIONS[stage]):
+            tukey = n == 0 and iteration > 0
+            system = self._linearise(n, points, fit, tukey)
+            step, covariance = _solve(system, fit, self._priors(n, free_exposure, start_exposure))
+            fit = _stepped(fit, step, system, covariance, self._dof, start_exposure)
+            size = np.sqrt(np.mean(step[: -EXTRA] ** 2))
+            if size < STOP_STEP[stage]:
+                break
+        return fit
+
+    @property
+    def _dof(self) -> int:
+        return self._config.registration.degrees_of_freedom
+
+    def _linearise(self, n: int, points: _Points, fit: PathFit, tukey: bool) -> _System:
+        """Sum the normal equations over all rows, in a fixed order."""
+        level, path = self._levels[n], fit.path
+        size = len(path.control) * self._dof + EXTRA
+        normal = np.zeros((CHUNKS, size, size))
+        gradient = np.zeros((CHUNKS, size))
+        residuals = np.empty(points.values.shape, np.float32)
+        at_full_size = np.clip((points.rows + 0.5) * level.factor - 0.5, 0, None)
+        times = np.interp(at_full_size, np.arange(len(path.row_times)), path.row_times)
+        samples = path.samples_per_row(POINT_STEP * level.factor)
+        samples = samples[np.minimum(at_full_size.astype(int), len(samples) - 1)]
+        light = np.append(fit.light.gain, fit.light.bias)
+
+        def run(chunk: int) -> None:
+            rows = len(points.rows)
+            accumulate(
+                chunk * rows // CHUNKS, (chunk + 1) * rows // CHUNKS, level.fine, *level.shape,
+                points.rows, times, samples, points.columns, points.values, path.control,
+                path.first_time, path.knot_rows, path.exposure_rows, self._grid.focal_px,
+                self._grid.center, level.factor, self._dof, light, self._config.camera.gamma,
+                fit.sigma, tukey, normal[chunk], gradient[chunk], residuals,
+            )  # fmt: skip
+
+        _run_all(self._executor, run, CHUNKS)
+        return _System(normal.sum(axis=0), gradient.sum(axis=0), np.abs(residuals))
+
+    def _priors(self, n: int, free_exposure: bool, exposure: float) -> _Priors:
+        stage = min(n, len(STIFFNESS) - 1)
+        light = self._config.photometric
+        fixed = [] if light.vignetting and n <= 1 else [1, 2, 3]
+        if not free_exposure:
+            fixed.append(5)
+        return _Priors(STIFFNESS[stage], tuple(fixed), exposure, self._dof)
+
+
+@dataclass(frozen=True)
+class _System:
+    """Normal equations at one linearisation."""
+
+    normal: np.ndarray  # (D, D), lower triangle
+    gradient: np.ndarray  # (D,)
+    misfit: np.ndarray  # (R, P) absolute residuals [grey levels]
+
+
+@dataclass(frozen=True)
+class _Priors:
+    """What is believed before the data are seen."""
+
+    stiffness: float
+    fixed: tuple[int, ...]  # extra unknowns that keep their value
+    exposure: float  # centre of the exposure's prior [rows]
+    dof: int
+
+
+def _solve(system: _System, fit: PathFit, priors: _Priors) -> tuple[np.ndarray, np.ndarray]:
+    """One Gauss-Newton step and the covariance of the control points."""
+    normal, gradient = system.normal.copy(), system.gradient.copy()
+    control = fit.path.control[:, : priors.dof]
+    path = control.size
+    curvature = np.trace(normal[:path, :path]) / path + 1e-9
+    belief = curvature * priors.stiffness * _smoothness(len(control), priors.dof)
+    belief[np.diag_indices(path)] += _tilt_ridge(len(control), priors.dof, fit.sigma)
+    normal[:path, :path] += belief
+    gradient[:path] -= belief @ control.ravel()
+    # damping keeps knots without data in place; it does not bias the solution
+    normal[np.diag_indices(path)] += 1e-4 * curvature * min(1.0, 10 * priors.stiffness) + 1e-9
+    extra = np.arange(path, path + EXTRA)
+    normal[extra, extra] += 1e-6 * normal[extra, extra] + 1e-6
+    trust = (fit.sigma / (EXPOSURE_SIGMA * priors.exposure)) ** 2
+    normal[path + 5, path + 5] += trust
+    gradient[path + 5] -= trust * (fit.path.exposure_rows - priors.exposure)
+    for index in priors.fixed:
+        at = path + index
+        normal[at, :] = normal[:, at] = 0.0
+        normal[at, at] = 1.0
+        gradient[at] = 0.0
+    try:
+        factor = cho_factor(normal, lower=True)
+    except LinAlgError:  # no texture at all: nothing to learn
+        return np.zeros(len(gradient)), np.full((path, path), np.inf)
+    step = cho_solve(factor, gradient)
+    covariance = cho_solve(factor, np.eye(len(gradient))[:, :path])[:path] * fit.sigma**2
+    return step, covariance
+
+
+def _smoothness(knots: int, dof: int) -> np.ndarray:
+    """Penalty on slope and bend of each path coordinate, knots x coordinates interleaved."""
+    first, second = (np.diff(np.eye(knots), n, axis=0) for n in (1, 2))
+    return np.kron(second.T @ second, np.diag(BEND[:dof])) + np.kron(
+        first.T @ first, np.diag(SLOPE[:dof])
+    )
+
+
+def _tilt_ridge(knots: int, dof: int, sigma: float) -> np.ndarray:
+    ridge = np.zeros((knots, dof))
+    ridge[:, 4:] = (sigma / TILT_SIGMA) ** 2
+    return ridge.ravel()
+
+
+def _stepped(
+    fit: PathFit,
+    step: np.ndarray,
+    system: _System,
+    covariance: np.ndarray,
+    dof: int,
+    start_exposure: float,
+) -> PathFit:
+    path = fit.path
+    control = path.control.copy()
+    control[:, :dof] += step[:-EXTRA].reshape(-1, dof)
+    extra = step[-EXTRA:]
+    # within the span that the knots cover, and no leap in one step
+    change = np.clip(extra[5], -0.2 * path.exposure_rows, 0.2 * path.exposure_rows)
+    exposure = np.clip(path.exposure_rows + change, 0.4 * start_exposure, 1.6 * start_exposure)
+    seen = system.misfit[system.misfit < NO_RESIDUAL]
+    sigma = max(MIN_SIGMA, 1.4826 * float(np.median(seen))) if seen.size else fit.sigma
+    return PathFit(
+        path=replace(path, control=control, exposure_rows=float(exposure)),
+        light=Light(fit.light.gain + extra[:4], fit.light.bias + float(BIAS_SCALE) * extra[4]),
+        sigma=sigma,
+        cost=float(np.minimum(seen, 30.0).mean()) if seen.size else np.inf,
+        covariance=covariance,
+        used=seen.size / system.misfit.size,
+    )
+
+
+def _select_points(image: np.ndarray, n: int) -> _Points:
+    """Choose the strongest gradient in each bin of every few rows of one pyramid level."""
+    step = max(1, round(ROW_STEP / 2.0 ** (0.7 * n)))
+    width = max(3, round(BIN_WIDTH / 1.3**n))
+    rows = np.arange(step // 2, image.shape[0], step)
+    shape = (len(rows), max(1, image.shape[1] // width))
+    columns = np.zeros(shape, np.int64)
+    values = np.zeros(shape, np.float32)
+    strongest_gradients(image, rows, width, columns, values)
+    return _Points(rows, columns, values)
+
+
+def _run_all(executor: Executor, task: Callable[[int], None], count: int) -> None:
+    list(executor.map(task, range(count)))

@@ -1,0 +1,108 @@
+"""Render the registered and the rectified image from a known path."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ._kernels.render import blur_rows, live_places
+from .motion import CameraPath
+
+CHUNKS = 8  # blocks of rows that threads share
+STEP_PX = 1.0  # px the reference moves between two instants of the exposure
+
+
+@dataclass(frozen=True)
+class Window:
+    """Rows top..bottom and columns left..right (exclusive) of the live frame [px]."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+
+    @property
+    def box(self) -> tuple[slice, slice]:
+        """Index of the window in an image."""
+        return np.s_[self.top : self.bottom, self.left : self.right]
+
+
+def blurred(
+    fine: np.ndarray,
+    path: CameraPath,
+    executor: Executor,
+    relative_depth: float = 1.0,
+    window: Window | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Warp the reference row by row and average it over each row's exposure (Eq. 1).
+
+    Parameters
+    ----------
+    fine : ndarray of shape (2 rows, 2 cols), float32
+        Reference from `sampling.half_pixel`, linear light.
+    path : CameraPath
+        Motion of the live camera.
+    executor : Executor
+        Threads that share the rows.
+    relative_depth : float
+        ``d_l`` of the layer that is rendered, background = 1.
+    window : Window, optional
+        Part of the live frame; default all of it.
+
+    Returns
+    -------
+    image : ndarray, float32
+        Linear light, 0 outside the reference; shape of the window.
+    complete : ndarray of bool
+        Where the reference covers the whole exposure; shape of the window.
+
+    """
+    rows, cols = path.grid.live_shape
+    window = window or Window(0, rows, 0, cols)
+    image = np.zeros((rows, cols), np.float32)
+    begins, ends = np.zeros(rows, np.int64), np.zeros(rows, np.int64)
+    samples = path.samples_per_row(STEP_PX, stretch=max(1.0, 1.0 / relative_depth))
+    times, flat = path.row_times, fine.ravel()
+    height = window.bottom - window.top
+
+    def run(chunk: int) -> None:
+        blur_rows(
+            window.top + chunk * height // CHUNKS, window.top + (chunk + 1) * height // CHUNKS,
+            window.left, window.right, flat, *fine.shape, times, samples, path.control,
+            path.first_time, path.knot_rows, path.exposure_rows, path.grid.focal_px,
+            path.grid.center, 1.0 / relative_depth, image, begins, ends,
+        )  # fmt: skip
+
+    list(executor.map(run, range(CHUNKS)))
+    column = np.arange(window.left, window.right)
+    inside = slice(window.top, window.bottom)
+    complete = (column >= begins[inside, None]) & (column < ends[inside, None])
+    return image[window.box], complete
+
+
+def rectified(live: np.ndarray, path: CameraPath, executor: Executor) -> np.ndarray:
+    """
+    Bring a live image back to the reference's grid through each row's centroid pose.
+
+    Rolling shutter is undone, blur is not. `live` is (M, N) or (M, N, 3) uint8; pixels that the
+    live frame does not show are 0.
+    """
+    rows, cols = path.grid.reference_shape
+    inverses = np.linalg.inv(path.row_homographies()).reshape(-1, 9)
+    map_x = np.empty((rows, cols), np.float32)
+    map_y = np.empty((rows, cols), np.float32)
+
+    def run(chunk: int) -> None:
+        live_places(
+            chunk * rows // CHUNKS, (chunk + 1) * rows // CHUNKS, inverses, path.grid.center,
+            path.grid.live_shape[0], map_x, map_y,
+        )  # fmt: skip
+
+    list(executor.map(run, range(CHUNKS)))
+    return cv2.remap(
+        live, map_x, map_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT, borderValue=0
+    )

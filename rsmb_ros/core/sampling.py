@@ -1,0 +1,45 @@
+"""The reference, prepared once for fast sampling at any sub-pixel place."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+# Half-pixel interpolation, 8 taps: with bilinear sampling between the half pixels it is as exact as
+# bicubic sampling of the original and twice as fast (measured).
+HALF_PIXEL_TAPS = np.array([-0.0105, 0.0465, -0.1525, 0.6165], np.float32)
+_KERNEL = np.concatenate([HALF_PIXEL_TAPS, HALF_PIXEL_TAPS[::-1]]) / (2 * HALF_PIXEL_TAPS.sum())
+
+
+def half_pixel(image: np.ndarray) -> np.ndarray:
+    """
+    Interleave an image (M, N) float32 with its half-pixel samples, (2M, 2N) float32.
+
+    Element (2i + a, 2j + b) is the image at (i + a/2, j + b/2); edge values continue outside.
+    """
+    rows, cols = image.shape
+    fine = np.empty((2 * rows, 2 * cols), np.float32)
+    fine[0::2, 0::2] = image
+    # filter2D correlates with the anchor at tap 3: taps i-3 .. i+4 around i + 1/2
+    options = {'borderType': cv2.BORDER_REPLICATE}
+    right = cv2.filter2D(image, cv2.CV_32F, _KERNEL[None, :], anchor=(3, 0), **options)
+    fine[0::2, 1::2] = right
+    below = {'kernel': _KERNEL[:, None], 'anchor': (0, 3), **options}
+    fine[1::2, 0::2] = cv2.filter2D(image, cv2.CV_32F, **below)
+    fine[1::2, 1::2] = cv2.filter2D(right, cv2.CV_32F, **below)
+    return fine
+
+
+def pyramid(image: np.ndarray, levels: int) -> list[np.ndarray]:
+    """Image (M, N) float32 and its `levels` - 1 halvings by area means, largest first."""
+    images = [image]
+    for _ in range(levels - 1):
+        rows, cols = images[-1].shape
+        images.append(
+            cv2.resize(
+                images[-1][: rows // 2 * 2, : cols // 2 * 2],
+                (cols // 2, rows // 2),
+                interpolation=cv2.INTER_AREA,
+            )
+        )
+    return images

@@ -1,0 +1,83 @@
+"""From evidence to objects: hysteresis, closed outlines, connected regions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from .config import ChangeConfig
+
+BASE_PIXELS = 640 * 480  # sizes below are px at this frame size
+CLOSE_RADIUS = 5.0  # px, gaps in an outline that are closed
+OPEN_SIZE = 5  # px, thinner leftovers along depth edges are not objects
+
+
+@dataclass(frozen=True)
+class Blob:
+    """One connected set of pixels."""
+
+    mask: np.ndarray  # (height, width) bool
+    x: int  # left column [px]
+    y: int  # top row [px]
+
+    @property
+    def area(self) -> int:
+        """Number of pixels."""
+        return int(np.count_nonzero(self.mask))
+
+    @property
+    def box(self) -> tuple[slice, slice]:
+        """Index of the bounding box in an image."""
+        height, width = self.mask.shape
+        return np.s_[self.y : self.y + height, self.x : self.x + width]
+
+
+def candidates(evidence: np.ndarray, config: ChangeConfig) -> np.ndarray:
+    """
+    Mark the pixels of possible objects in an evidence image (M, N) [sigma], (M, N) uint8 0/1.
+
+    Regions grow over `threshold_low` from where `threshold_high` is reached; outlines are closed
+    and filled.
+    """
+    scale = np.sqrt(evidence.size / BASE_PIXELS)
+    weak = cv2.erode((evidence > config.threshold_low).astype(np.uint8), np.ones((3, 3), np.uint8))
+    count, labels = cv2.connectedComponents(weak, connectivity=8)
+    keep = np.zeros(count, np.uint8)
+    keep[np.unique(labels[evidence > config.threshold_high])] = 1
+    keep[0] = 0
+    mask = keep[labels]
+    size = 2 * max(1, round(CLOSE_RADIUS * scale)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    # a frame of background, else closing glues regions to the image's border
+    pad = size
+    mask = cv2.copyMakeBorder(mask, pad, pad, pad, pad, cv2.BORDER_CONSTANT, value=0)
+    mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, disc)[pad:-pad, pad:-pad]
+    outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    filled = np.zeros_like(mask)
+    cv2.drawContours(filled, outlines, -1, 1, cv2.FILLED)
+    return without_small(cv2.morphologyEx(filled, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)), config)
+
+
+def without_small(mask: np.ndarray, config: ChangeConfig) -> np.ndarray:
+    """Drop connected regions below `min_area` from a mask (M, N) uint8 0/1."""
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    keep = (stats[:, cv2.CC_STAT_AREA] >= config.min_area * mask.size).astype(np.uint8)
+    keep[0] = 0
+    return keep[labels]
+
+
+def without_thin(mask: np.ndarray) -> np.ndarray:
+    """Drop what is thinner than a few pixels from a mask (M, N) uint8 0/1."""
+    return cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((OPEN_SIZE, OPEN_SIZE), np.uint8))
+
+
+def blobs(mask: np.ndarray) -> list[Blob]:
+    """Split a mask (M, N) uint8 0/1 into its connected regions, top to bottom."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    found = []
+    for n in range(1, count):
+        x, y, width, height = (int(value) for value in stats[n, :4])
+        found.append(Blob(labels[y : y + height, x : x + width] == n, x, y))
+    return found
