@@ -7,7 +7,7 @@ import numpy as np
 
 BLOCKS_ACROSS = 20  # blocks over the image's width
 MIN_CONTRAST = 3.0  # grey levels of a block that is asked
-MIN_CORRELATION = 0.5  # of a block that agrees
+MIN_CORRELATION = 0.6  # of a block that agrees
 MIN_BLOCKS = 4
 
 

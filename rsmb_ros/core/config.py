@@ -112,7 +112,7 @@ class RegistrationConfig:
         0.25, '-', 0.05, 1.0, 'share of the live frame that must lie in the reference'
     )
     min_agreement: float = _number(
-        0.3, '-', 0.0, 1.0, 'share of textured blocks that must match, else not_registered'
+        0.4, '-', 0.0, 1.0, 'share of textured blocks that must match, else not_registered'
     )
 
 

@@ -7,14 +7,15 @@ The one code path of node, replay and `rsmb detect`: reference and live frame in
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
 import numpy as np
+from threadpoolctl import ThreadpoolController
 
 from .agreement import agreement
 from .camera import Camera
@@ -24,8 +25,8 @@ from .errors import FrameError
 from .evidence import NoiseTable, evidence
 from .layers import DepthSearch, Layer, unjudgeable
 from .motion import Grid
-from .path_estimator import PathEstimator, PathFit
-from .photometric import Light, luma, to_display, to_linear
+from .path_estimator import PathEstimator, PathFit, row_uncertainty
+from .photometric import luma, to_display, to_linear
 from .render import Window, blurred, rectified
 from .sampling import half_pixel
 from .segmentation import Blob, blobs, candidates, without_small, without_thin
@@ -35,6 +36,8 @@ MIN_SIZE = 32  # px, smaller frames hold nothing to register by
 MIN_CONTRAST = 1.5  # grey levels; an image flatter than this has no texture
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
 SATURATED = 254.0  # grey levels; both images at the limit say nothing about each other
+
+_BLAS = ThreadpoolController()
 
 
 class Detector:
@@ -96,6 +99,11 @@ class Detector:
 
         """
         live = _checked(live, 'live frame')
+        # small systems: a threaded BLAS is slower, and collapses when other processes are busy
+        with _BLAS.limit(limits=1, user_api='blas'):
+            return self._detect(live)
+
+    def _detect(self, live: np.ndarray) -> Result:
         clock = _Clock()
         grey = luma(live)
         problem = self._without_texture(grey)
@@ -313,17 +321,6 @@ def _checked(image: np.ndarray, name: str) -> np.ndarray:
             f'{name} is {image.shape[0]}x{image.shape[1]} px, must be at least {MIN_SIZE}x{MIN_SIZE}'
         )
     return image
-
-
-def row_uncertainty(fit: PathFit) -> np.ndarray:
-    """Standard deviation of each row's place at mid-exposure (M,) [px], from the Hessian."""
-    path = fit.path
-    knots = len(path.control)
-    dof = fit.covariance.shape[0] // knots
-    covariance = fit.covariance.reshape(knots, dof, knots, dof)
-    basis = path.spline_basis(path.row_times)
-    variance = sum(np.einsum('tk,kl,tl->t', basis, covariance[:, e, :, e], basis) for e in (0, 1))
-    return np.sqrt(np.maximum(variance, 0.0))
 
 
 def _static_region(layer: Layer) -> Region:

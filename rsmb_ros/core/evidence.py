@@ -77,7 +77,8 @@ class NoiseTable:
 def evidence(z: np.ndarray) -> np.ndarray:
     """Root mean square of normalised residuals (M, N) over a small window, float32."""
     window = (EVIDENCE_WINDOW, EVIDENCE_WINDOW)
-    return np.sqrt(cv2.blur(np.minimum(z * z, np.float32(MAX_Z2)), window))
+    # the running sums of a box filter may end a rounding below 0
+    return np.sqrt(np.maximum(cv2.blur(np.minimum(z * z, np.float32(MAX_Z2)), window), 0.0))
 
 
 def _quantised(predicted: np.ndarray, strength: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

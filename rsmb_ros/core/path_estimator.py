@@ -32,7 +32,10 @@ MIN_SIGMA = 1.0  # grey levels; no camera is quieter
 # Per pyramid level, full size first; the last entry serves all coarser ones.
 ITERATIONS = (6, 10, 14)
 STOP_STEP = (0.015, 0.05, 0.1)  # px, rms of a step of the control points
-STIFFNESS = (0.003, 0.1, 1.0)
+# Stiffness at the first and from the fourth iteration: an object at another depth must not bend
+# the path while it is far off; a shaken camera must bend it in the end.
+STIFFNESS = ((0.1, 0.003), (10.0, 0.1), (100.0, 10.0))
+RELAXED_AFTER = 3  # iterations
 # How reluctantly each path coordinate bends and changes; a row alone hardly sees the tilt.
 BEND = np.array([0.1, 0.1, 0.2, 0.4, 2.0, 2.0])
 SLOPE = np.array([0.0, 0.0, 0.0, 0.05, 2.0, 8.0])
@@ -49,8 +52,26 @@ class PathFit:
     light: Light
     sigma: float  # robust standard deviation of the residual [grey levels]
     cost: float  # mean truncated residual [grey levels]; compares starts
-    covariance: np.ndarray  # (knots * 6, knots * 6) of the control points [px^2]
+    information: np.ndarray  # (D, D) inverse covariance of control points and extras [1/px^2]
     used: float  # share of the points that lie in the reference, 0..1
+
+
+def row_uncertainty(fit: PathFit) -> np.ndarray:
+    """Standard deviation of each row's place at mid-exposure (M,) [px], from the Hessian."""
+    path = fit.path
+    knots = len(path.control)
+    dof = (len(fit.information) - EXTRA) // knots
+    try:
+        factor = cho_factor(fit.information, lower=True)
+    except LinAlgError:
+        return np.full(len(path.row_times), np.inf)
+    basis = path.spline_basis(path.row_times)
+    variance = np.zeros(len(basis))
+    for e in (0, 1):
+        place = np.zeros((len(fit.information), len(basis)))
+        place[e : knots * dof : dof] = basis.T
+        variance += np.einsum('kt,kt->t', place, cho_solve(factor, place))
+    return np.sqrt(variance)
 
 
 @dataclass(frozen=True)
@@ -136,14 +157,16 @@ class PathEstimator:
         stage = min(n, len(ITERATIONS) - 1)
         start_exposure = fit.path.exposure_rows
         for iteration in range(ITERATIONS[stage]):
-            tukey = n == 0 and iteration > 0
+            tukey = iteration > 0  # a first step may be far off
             system = self._linearise(n, points, fit, tukey)
-            step, covariance = _solve(system, fit, self._priors(n, free_exposure, start_exposure))
-            fit = _stepped(fit, step, system, covariance, self._dof, start_exposure)
-            size = np.sqrt(np.mean(step[: -EXTRA] ** 2))
-            if size < STOP_STEP[stage]:
+            priors = self._priors(n, iteration, free_exposure, start_exposure)
+            normal, gradient = _with_priors(system, fit, priors)
+            step = _step(normal, gradient)
+            fit = _stepped(fit, step, system, self._dof, start_exposure)
+            size = np.sqrt(np.mean(step[:-EXTRA] ** 2))
+            if size < STOP_STEP[stage] and iteration >= RELAXED_AFTER:
                 break
-        return fit
+        return replace(fit, information=normal / fit.sigma**2)
 
     @property
     def _dof(self) -> int:
@@ -175,13 +198,16 @@ class PathEstimator:
         _run_all(self._executor, run, CHUNKS)
         return _System(normal.sum(axis=0), gradient.sum(axis=0), np.abs(residuals))
 
-    def _priors(self, n: int, free_exposure: bool, exposure: float) -> _Priors:
-        stage = min(n, len(STIFFNESS) - 1)
+    def _priors(
+        self, n: int, iteration: int, free_exposure: bool, exposure: float
+    ) -> _Priors:
+        first, last = STIFFNESS[min(n, len(STIFFNESS) - 1)]
+        stiffness = first * (last / first) ** min(1.0, iteration / RELAXED_AFTER)
         light = self._config.photometric
         fixed = [] if light.vignetting and n <= 1 else [1, 2, 3]
         if not free_exposure:
             fixed.append(5)
-        return _Priors(STIFFNESS[stage], tuple(fixed), exposure, self._dof)
+        return _Priors(stiffness, tuple(fixed), exposure, self._dof)
 
 
 @dataclass(frozen=True)
@@ -203,8 +229,10 @@ class _Priors:
     dof: int
 
 
-def _solve(system: _System, fit: PathFit, priors: _Priors) -> tuple[np.ndarray, np.ndarray]:
-    """One Gauss-Newton step and the covariance of the control points."""
+def _with_priors(
+    system: _System, fit: PathFit, priors: _Priors
+) -> tuple[np.ndarray, np.ndarray]:
+    """Normal equations (lower triangle) and gradient with priors and fixed unknowns."""
     normal, gradient = system.normal.copy(), system.gradient.copy()
     control = fit.path.control[:, : priors.dof]
     path = control.size
@@ -225,13 +253,15 @@ def _solve(system: _System, fit: PathFit, priors: _Priors) -> tuple[np.ndarray, 
         normal[at, :] = normal[:, at] = 0.0
         normal[at, at] = 1.0
         gradient[at] = 0.0
+    return normal, gradient
+
+
+def _step(normal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+    """Solve for the Gauss-Newton step; zero where the frame holds nothing to learn from."""
     try:
-        factor = cho_factor(normal, lower=True)
-    except LinAlgError:  # no texture at all: nothing to learn
-        return np.zeros(len(gradient)), np.full((path, path), np.inf)
-    step = cho_solve(factor, gradient)
-    covariance = cho_solve(factor, np.eye(len(gradient))[:, :path])[:path] * fit.sigma**2
-    return step, covariance
+        return cho_solve(cho_factor(normal, lower=True), gradient)
+    except LinAlgError:
+        return np.zeros(len(gradient))
 
 
 def _smoothness(knots: int, dof: int) -> np.ndarray:
@@ -252,7 +282,6 @@ def _stepped(
     fit: PathFit,
     step: np.ndarray,
     system: _System,
-    covariance: np.ndarray,
     dof: int,
     start_exposure: float,
 ) -> PathFit:
@@ -270,7 +299,7 @@ def _stepped(
         light=Light(fit.light.gain + extra[:4], fit.light.bias + float(BIAS_SCALE) * extra[4]),
         sigma=sigma,
         cost=float(np.minimum(seen, 30.0).mean()) if seen.size else np.inf,
-        covariance=covariance,
+        information=fit.information,
         used=seen.size / system.misfit.size,
     )
 
