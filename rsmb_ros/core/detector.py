@@ -184,10 +184,25 @@ class Detector:
         unknown = np.zeros(mask.shape, bool)
         if not self.config.layers.enabled:
             return [], unknown
-        search = DepthSearch(frame.grey, noise, frame.render, frame.fit.path, self.config.layers)
+        search = DepthSearch(
+            frame.grey,
+            noise,
+            frame.render,
+            frame.fit.path,
+            self.config.layers,
+            self.config.change,
+        )
         layers = [layer for blob in blobs(mask) if (layer := search.explain(blob))]
-        for layer in layers:
-            mask[layer.blob.box][layer.blob.mask] = 0
+        _take_out(mask, layers)
+        # pieces too small to tell their own depth, next to one that could
+        pieces = [
+            piece
+            for blob in blobs(mask)
+            for layer in layers
+            if (piece := search.belongs(blob, layer))
+        ]
+        _take_out(mask, pieces)
+        layers += pieces
         if layers:
             unknown = unjudgeable(layers, frame.fit.path, frame.render_cover)
         return layers, unknown
@@ -321,6 +336,11 @@ def _checked(image: np.ndarray, name: str) -> np.ndarray:
             f'{name} is {image.shape[0]}x{image.shape[1]} px, must be at least {MIN_SIZE}x{MIN_SIZE}'
         )
     return image
+
+
+def _take_out(mask: np.ndarray, layers: list[Layer]) -> None:
+    for layer in layers:
+        mask[layer.blob.box][layer.blob.mask] = 0
 
 
 def _static_region(layer: Layer) -> Region:

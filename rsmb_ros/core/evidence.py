@@ -15,15 +15,24 @@ RESIDUAL_STEP = 0.25  # grey levels, histogram resolution of absolute residuals
 TEXTURE_STEP = 0.125  # grey levels / px, table resolution
 TEXTURE_WINDOW = 5  # px
 EVIDENCE_WINDOW = 7  # px
+MISPLACED = 0.12  # px, by which an edge may be off although its surroundings fit
 MAX_Z2 = 100.0  # one wild pixel must not decide for its neighbourhood
 
 
 def texture(image: np.ndarray) -> np.ndarray:
     """Local rms gradient of an image (M, N) float32 [grey levels / px]."""
+    return _texture(_gradient_energy(image))
+
+
+def _gradient_energy(image: np.ndarray) -> np.ndarray:
     g_x = cv2.Sobel(image, cv2.CV_32F, 1, 0, scale=1 / 8)
     g_y = cv2.Sobel(image, cv2.CV_32F, 0, 1, scale=1 / 8)
-    energy = cv2.blur(g_x * g_x + g_y * g_y, (TEXTURE_WINDOW, TEXTURE_WINDOW))
-    return np.sqrt(np.maximum(energy, 0.0))
+    return g_x * g_x + g_y * g_y
+
+
+def _texture(energy: np.ndarray) -> np.ndarray:
+    # the running sums of a box filter may end a rounding below 0
+    return np.sqrt(np.maximum(cv2.blur(energy, (TEXTURE_WINDOW, TEXTURE_WINDOW)), 0.0))
 
 
 @dataclass(frozen=True)
@@ -64,20 +73,21 @@ class NoiseTable:
 
     def __call__(self, predicted: np.ndarray) -> np.ndarray:
         """Standard deviation expected at each pixel of a predicted image (M, N) [grey levels]."""
-        levels, steps = _quantised(predicted, texture(predicted))
-        return cv2.remap(
+        energy = _gradient_energy(predicted)
+        levels, steps = _quantised(predicted, _texture(energy))
+        sigma = cv2.remap(
             self.sigma,
             self.texture_bin[steps],
             self.intensity_bin[levels],
             cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         )
+        return np.sqrt(sigma * sigma + np.float32(MISPLACED**2) * energy)
 
 
 def evidence(z: np.ndarray) -> np.ndarray:
     """Root mean square of normalised residuals (M, N) over a small window, float32."""
     window = (EVIDENCE_WINDOW, EVIDENCE_WINDOW)
-    # the running sums of a box filter may end a rounding below 0
     return np.sqrt(np.maximum(cv2.blur(np.minimum(z * z, np.float32(MAX_Z2)), window), 0.0))
 
 

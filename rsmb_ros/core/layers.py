@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from .config import LayersConfig
+from .config import ChangeConfig, LayersConfig
 from .evidence import evidence
 from .motion import CameraPath
 from .render import Window
-from .segmentation import Blob
+from .segmentation import Blob, hysteresis
 
 COARSE_STEP = 0.05
 FINE_STEPS = (0.025, 0.0125, 0.006)
@@ -32,6 +32,7 @@ MIN_CORE = 4.2e-4  # of the frame: largest connected explained part (130 px at 6
 MIN_CORRELATION = 0.6  # of prediction and live on the object ...
 SURE_SHARE = 0.5  # ... unless this share is explained
 MAX_ENERGY_RATIO = 0.85  # of the energy at the background's depth
+GAP = 0.04  # of the width: gaps in an object's outline that still belong to it
 RIM_LOW, RIM_HIGH = 0.02, 0.98  # share of the exposure that makes a pixel a rim
 
 Render = Callable[[float, Window], tuple[np.ndarray, np.ndarray]]
@@ -55,35 +56,55 @@ class DepthSearch:
     render: Render  # (depth, window) -> predicted display values, where they hold
     path: CameraPath
     config: LayersConfig
+    change: ChangeConfig
 
     def explain(self, blob: Blob) -> Layer | None:
         """Return the layer that explains `blob`, None when it is a change."""
+        window, mask = self._windowed(blob)
+        depth, energy = self._best_depth(window, mask)
+        if self._parallax(blob, depth) < MIN_PARALLAX:
+            return None
+        if energy >= MAX_ENERGY_RATIO * self._energy(1.0, window, mask):
+            return None
+        z, predicted = self._normalised(depth, window)
+        explained = self._explained(z, mask)
+        share = float(explained[mask].mean())
+        enough = share > MIN_SHARE and _largest(explained) >= MIN_CORE * self.live.size
+        alike = share > SURE_SHARE or (
+            _correlation(predicted[mask], self.live[window.box][mask]) > MIN_CORRELATION
+        )
+        return self._layer(z, mask, window, depth, share) if enough and alike else None
+
+    def belongs(self, blob: Blob, layer: Layer) -> Layer | None:
+        """Return `blob` as a piece of a layer found next to it, None when it is none."""
+        window, mask = self._windowed(blob)
+        if not _touch(window, _padded(layer.blob, self.live.shape)):
+            return None
+        z, _ = self._normalised(layer.relative_depth, window)
+        share = float(self._explained(z, mask)[mask].mean())
+        if share <= SURE_SHARE:
+            return None
+        return self._layer(z, mask, window, layer.relative_depth, share)
+
+    def _windowed(self, blob: Blob) -> tuple[Window, np.ndarray]:
+        """Return the window around a blob and the blob's mask in it."""
         window = _padded(blob, self.live.shape)
         mask = np.zeros((window.bottom - window.top, window.right - window.left), bool)
         top, left = blob.y - window.top, blob.x - window.left
         mask[top : top + blob.mask.shape[0], left : left + blob.mask.shape[1]] = blob.mask
-        at_background = self._energy(1.0, window, mask)
-        depth, energy = self._best_depth(window, mask)
-        if self._parallax(blob, depth) < MIN_PARALLAX:
-            return None
-        z, predicted = self._normalised(depth, window)
+        return window, mask
+
+    @staticmethod
+    def _explained(z: np.ndarray, mask: np.ndarray) -> np.ndarray:
         explained = ((evidence(z) < EXPLAINED) & mask).astype(np.uint8)
-        explained = cv2.morphologyEx(explained, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
-        share = float(explained[mask].mean())
-        live = self.live[window.box]
-        accepted = (
-            energy < MAX_ENERGY_RATIO * at_background
-            and share > MIN_SHARE
-            and _largest(explained) >= MIN_CORE * self.live.size
-            and (share > SURE_SHARE or _correlation(predicted[mask], live[mask]) > MIN_CORRELATION)
-        )
-        if not accepted:
-            return None
-        kernel = np.ones((7, 7), np.uint8)
-        whole = cv2.dilate(
-            cv2.morphologyEx(explained, cv2.MORPH_CLOSE, kernel), np.ones((3, 3), np.uint8)
-        )
-        return Layer(Blob(whole > 0, window.left, window.top), depth, share)
+        return cv2.morphologyEx(explained, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
+
+    def _layer(
+        self, z: np.ndarray, mask: np.ndarray, window: Window, depth: float, share: float
+    ) -> Layer:
+        # what sticks out at the object's own depth may be a change on or beside it
+        left_over = hysteresis(evidence(np.where(mask, z, np.float32(0.0))), self.change) > 0
+        return Layer(Blob(mask & ~left_over, window.left, window.top), depth, share)
 
     def _best_depth(self, window: Window, mask: np.ndarray) -> tuple[float, float]:
         """Coarse-to-fine minimum of the truncated energy over the relative depth."""
@@ -130,23 +151,28 @@ def unjudgeable(
     `render_cover` renders a mask on the reference's grid, float32 0..1, at a depth.
     """
     unknown = np.zeros(path.grid.live_shape, bool)
-    for layer in layers:
-        cover = _cover_in_reference(layer, path)
+    for depth in sorted({layer.relative_depth for layer in layers}):
+        pieces = [layer for layer in layers if layer.relative_depth == depth]
+        cover = _cover_in_reference(pieces, path)
         uncovered = render_cover(cover, 1.0)
-        own = render_cover(cover, layer.relative_depth)
+        own = render_cover(cover, depth)
         unknown |= (uncovered > 0.03) & (own < RIM_HIGH)
         unknown |= (own > RIM_LOW) & (own < RIM_HIGH)
     return unknown
 
 
-def _cover_in_reference(layer: Layer, path: CameraPath) -> np.ndarray:
-    """Where a layer's pixels lie in the reference (rows, cols) float32, 0 or 1, a little widened."""
+def _cover_in_reference(pieces: list[Layer], path: CameraPath) -> np.ndarray:
+    """Where the pieces of a layer lie in the reference (rows, cols) float32, 0 or 1, widened."""
     rows, cols = path.grid.reference_shape
     cover = np.zeros((rows, cols), np.uint8)
-    for u, v in _reference_places(layer, path):
-        inside = (u >= 0) & (v >= 0) & (u < cols) & (v < rows)
-        cover[v[inside], u[inside]] = 1
-    cover = cv2.morphologyEx(cover, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8))
+    for layer in pieces:
+        for u, v in _reference_places(layer, path):
+            inside = (u >= 0) & (v >= 0) & (u < cols) & (v < rows)
+            cover[v[inside], u[inside]] = 1
+    gaps = round(GAP * cols)
+    cover = cv2.copyMakeBorder(cover, *[gaps] * 4, cv2.BORDER_CONSTANT, value=0)
+    cover = cv2.morphologyEx(cover, cv2.MORPH_CLOSE, np.ones((gaps, gaps), np.uint8))
+    cover = cover[gaps:-gaps, gaps:-gaps]
     wide = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (9, 9))
     return cv2.dilate(cover, wide).astype(np.float32)
 
@@ -176,6 +202,10 @@ def _padded(blob: Blob, shape: tuple[int, ...]) -> Window:
         max(0, blob.x - PAD),
         min(shape[1], blob.x + width + PAD),
     )
+
+
+def _touch(a: Window, b: Window) -> bool:
+    return a.top <= b.bottom and b.top <= a.bottom and a.left <= b.right and b.left <= a.right
 
 
 def _largest(mask: np.ndarray) -> int:

@@ -36,6 +36,9 @@ STOP_STEP = (0.015, 0.05, 0.1)  # px, rms of a step of the control points
 # the path while it is far off; a shaken camera must bend it in the end.
 STIFFNESS = ((0.1, 0.003), (10.0, 0.1), (100.0, 10.0))
 RELAXED_AFTER = 3  # iterations
+# How far an edge may be off for reasons that are not the camera, first and relaxed [px]: bounds what
+# a strong edge can say, so that one rich object does not outweigh the ground.
+MISPLACED = ((0.5, 0.1), (0.5, 0.5), (0.5, 0.5))
 # How reluctantly each path coordinate bends and changes; a row alone hardly sees the tilt.
 BEND = np.array([0.1, 0.1, 0.2, 0.4, 2.0, 2.0])
 SLOPE = np.array([0.0, 0.0, 0.0, 0.05, 2.0, 8.0])
@@ -158,7 +161,9 @@ class PathEstimator:
         start_exposure = fit.path.exposure_rows
         for iteration in range(ITERATIONS[stage]):
             tukey = iteration > 0  # a first step may be far off
-            system = self._linearise(n, points, fit, tukey)
+            first, last = MISPLACED[stage]
+            misplaced = first * (last / first) ** min(1.0, iteration / RELAXED_AFTER)
+            system = self._linearise(n, points, fit, misplaced, tukey)
             priors = self._priors(n, iteration, free_exposure, start_exposure)
             normal, gradient = _with_priors(system, fit, priors)
             step = _step(normal, gradient)
@@ -172,7 +177,9 @@ class PathEstimator:
     def _dof(self) -> int:
         return self._config.registration.degrees_of_freedom
 
-    def _linearise(self, n: int, points: _Points, fit: PathFit, tukey: bool) -> _System:
+    def _linearise(
+        self, n: int, points: _Points, fit: PathFit, misplaced: float, tukey: bool
+    ) -> _System:
         """Sum the normal equations over all rows, in a fixed order."""
         level, path = self._levels[n], fit.path
         size = len(path.control) * self._dof + EXTRA
@@ -192,7 +199,7 @@ class PathEstimator:
                 points.rows, times, samples, points.columns, points.values, path.control,
                 path.first_time, path.knot_rows, path.exposure_rows, self._grid.focal_px,
                 self._grid.center, level.factor, self._dof, light, self._config.camera.gamma,
-                fit.sigma, tukey, normal[chunk], gradient[chunk], residuals,
+                fit.sigma, misplaced, tukey, normal[chunk], gradient[chunk], residuals,
             )  # fmt: skip
 
         _run_all(self._executor, run, CHUNKS)

@@ -1,4 +1,4 @@
-"""Procedural aerial scenes: fields, roads, trees, parked cars, houses at another depth, new objects."""
+"""Procedural aerial scenes: fields, roads, trees, cars, houses at another depth, new objects."""
 
 from __future__ import annotations
 
@@ -100,8 +100,8 @@ def pasted_object(shape: tuple[int, int], rng: np.random.Generator) -> Sheet:
 def _plots(shape: tuple[int, int]) -> list[tuple[int, int, int, int]]:
     rows, cols = shape
     return [
-        (int(0.52 * cols), int(0.10 * rows), 132, 104),
-        (int(0.08 * cols), int(0.14 * rows), 108, 92),
+        (int(0.64 * cols), int(0.09 * rows), 132, 104),
+        (int(0.07 * cols), int(0.72 * rows), 108, 84),
     ]
 
 
@@ -125,7 +125,7 @@ def _fields(rows: int, cols: int, rng: np.random.Generator) -> np.ndarray:
     image = colors[parcel % len(colors)]
     angle = rng.uniform(0, np.pi, len(seeds))[parcel]
     furrows = np.sin((x * np.cos(angle) + y * np.sin(angle)) * 0.55) * (5.0 * (parcel % 3 == 1))
-    image = image + (17.0 * _noise(rows, cols, rng) + furrows)[..., None]
+    image = image + (24.0 * _noise(rows, cols, rng) + furrows)[..., None]
     return np.clip(image, 0, 255).astype(np.uint8)
 
 

@@ -42,12 +42,7 @@ def candidates(evidence: np.ndarray, config: ChangeConfig) -> np.ndarray:
     and filled.
     """
     scale = np.sqrt(evidence.size / BASE_PIXELS)
-    weak = cv2.erode((evidence > config.threshold_low).astype(np.uint8), np.ones((3, 3), np.uint8))
-    count, labels = cv2.connectedComponents(weak, connectivity=8)
-    keep = np.zeros(count, np.uint8)
-    keep[np.unique(labels[evidence > config.threshold_high])] = 1
-    keep[0] = 0
-    mask = keep[labels]
+    mask = hysteresis(evidence, config)
     size = 2 * max(1, round(CLOSE_RADIUS * scale)) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     # a frame of background, else closing glues regions to the image's border
@@ -57,7 +52,22 @@ def candidates(evidence: np.ndarray, config: ChangeConfig) -> np.ndarray:
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     filled = np.zeros_like(mask)
     cv2.drawContours(filled, outlines, -1, 1, cv2.FILLED)
-    return without_small(cv2.morphologyEx(filled, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)), config)
+    filled = cv2.morphologyEx(filled, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    return without_small(filled, config)
+
+
+def hysteresis(evidence: np.ndarray, config: ChangeConfig) -> np.ndarray:
+    """
+    Keep what exceeds `threshold_low` and is connected to `threshold_high`, (M, N) uint8 0/1.
+
+    One pixel is taken off all around: the evidence's window widens everything.
+    """
+    weak = cv2.erode((evidence > config.threshold_low).astype(np.uint8), np.ones((3, 3), np.uint8))
+    count, labels = cv2.connectedComponents(weak, connectivity=8)
+    keep = np.zeros(count, np.uint8)
+    keep[np.unique(labels[evidence > config.threshold_high])] = 1
+    keep[0] = 0
+    return keep[labels]
 
 
 def without_small(mask: np.ndarray, config: ChangeConfig) -> np.ndarray:

@@ -10,7 +10,6 @@ from numba import njit
 from .geometry import OPTIONS, basis, basis_slope, homography, span
 
 EXTRA = 6  # unknowns after the control points: four gain coefficients, bias, exposure
-MISREGISTRATION = np.float32(0.15)  # px, standard deviation of an edge's place in a real scene
 BIAS_SCALE = np.float32(10.0)  # grey levels per unit of the bias unknown
 
 
@@ -87,12 +86,13 @@ def sample_row(
 @njit(**OPTIONS)
 def accumulate(
     first, last, fine, half_rows, half_columns, rows, times, samples, columns, values, control,
-    first_time, knot_rows, exposure, focal, center, level, dof, light, gamma, sigma, tukey,
-    normal, gradient, residuals,
+    first_time, knot_rows, exposure, focal, center, level, dof, light, gamma, sigma,
+    misplaced, tukey, normal, gradient, residuals,
 ):
     """
     Add the points of rows[first:last] to the normal equations of Eq. 1 and 6.
 
+    `misplaced` [px] is how far an edge may be from its place for reasons that are not the camera.
     Residuals are in display grey levels: live - display(gain * mean over the exposure + bias).
     `residuals` gets 1e9 where a point has no reference.
     """
@@ -189,7 +189,7 @@ def accumulate(
         y_n = ((rows[r] + 0.5) * level - 0.5 - center[1]) / half_width
         weight_row(
             columns[r], values[r], mean, mean_x, mean_y, inside, y_n, level, center, half_width, light, display,
-            gamma, sigma, tukey, jacobian, active, stretch, weight, residual,
+            gamma, sigma, misplaced, tukey, jacobian, active, stretch, weight, residual,
         )
         for p in range(points):
             residuals[r, p] = residual[p] if inside[p] > 0.0 else np.float32(1e9)
@@ -213,7 +213,7 @@ def accumulate(
 @njit(**OPTIONS)
 def weight_row(
     columns, values, mean, mean_x, mean_y, inside, y_n, level, center, half_width, light, display, gamma, sigma,
-    tukey, jacobian, active, stretch, weight, residual,
+    misplaced, tukey, jacobian, active, stretch, weight, residual,
 ):
     """Finish one row: photometric columns, display residual, robust weight (Tukey or Huber)."""
     for p in range(columns.size):
@@ -234,7 +234,7 @@ def weight_row(
         r = values[p] - shown
         residual[p] = r
         # an edge is only as informative as its place can be trusted: no object steals the path
-        edge2 = (mean_x[p] ** 2 + mean_y[p] ** 2) * (gain * slope * MISREGISTRATION) ** 2
+        edge2 = (mean_x[p] ** 2 + mean_y[p] ** 2) * (gain * slope * np.float32(misplaced)) ** 2
         share = np.float32(sigma * sigma) / (np.float32(sigma * sigma) + edge2)
         z = abs(r) * math.sqrt(share) / np.float32(sigma)
         if tukey:

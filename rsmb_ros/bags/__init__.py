@@ -1,0 +1,1 @@
+"""Recordings of every format in, .mcap out."""

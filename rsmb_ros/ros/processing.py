@@ -1,0 +1,67 @@
+"""The detector, kept in step with reference, camera and configuration; knows no ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from rsmb_ros.core import Camera, Config, Detector, warm_up
+from rsmb_ros.core.types import Result
+
+
+class Processing:
+    """
+    Owned by the worker thread, but for `config` and `info_focal_px`, which others may set.
+
+    Parameters
+    ----------
+    config : Config
+    log : callable
+        Takes one line for people.
+
+    """
+
+    def __init__(self, config: Config, log: Callable[[str], None]) -> None:
+        self.config = config  # taken up with the next frame
+        self.info_focal_px: float | None = None  # from camera_info; likewise
+        self._log = log
+        self._reference: np.ndarray | None = None
+        self._detector: Detector | None = None
+        self._built_with: tuple[Config, float | None] | None = None
+        self._guess_logged = False
+
+    def prepare(self) -> None:
+        """Compile the kernels."""
+        warm_up(self.config)
+
+    def set_reference(self, image: np.ndarray) -> None:
+        """Take a new reference, (M, N) or (M, N, 3) uint8, and do what is needed only once."""
+        self._reference = image
+        self._detector = None
+        self._current_detector(image)
+
+    def detect(self, live: np.ndarray) -> Result | None:
+        """Return the result for a live image, None while there is no reference."""
+        if self._reference is None:
+            return None
+        detector = self._current_detector(self._reference)
+        self._log_guess_once(detector.camera_for(live.shape[1]))
+        return detector.detect(live)
+
+    def _current_detector(self, reference: np.ndarray) -> Detector:
+        wanted = (self.config, self.info_focal_px)
+        if self._detector is None or self._built_with != wanted:
+            config, focal_px = wanted
+            camera = None if focal_px is None else Camera(focal_px)
+            self._detector = Detector(reference, camera=camera, config=config)
+            self._built_with = wanted
+        return self._detector
+
+    def _log_guess_once(self, camera: Camera) -> None:
+        if camera.guessed and not self._guess_logged:
+            self._guess_logged = True
+            self._log(
+                'no camera_info and camera.focal_px = 0: '
+                f'the focal length is guessed, {camera.focal_px:.0f} px'
+            )

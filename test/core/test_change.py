@@ -1,0 +1,78 @@
+"""Noise table, segmentation, layers and agreement on inputs whose answer is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rsmb_ros.core.agreement import agreement
+from rsmb_ros.core.config import ChangeConfig
+from rsmb_ros.core.evidence import NoiseTable, evidence
+from rsmb_ros.core.segmentation import blobs, candidates, without_thin
+
+
+def test_noise_table_learns_sigma_by_intensity():
+    rng = np.random.default_rng(1)
+    predicted = np.tile(np.linspace(20, 220, 320, dtype=np.float32), (240, 1))
+    sigma = np.where(predicted < 120, 6.0, 2.0)
+    residual = (rng.normal(0, 1, predicted.shape) * sigma).astype(np.float32)
+    table = NoiseTable.learn(predicted, residual, np.ones(predicted.shape, bool))
+    found = table(predicted)
+    assert abs(np.median(found[:, 20:120]) - 6.0) < 0.4
+    assert abs(np.median(found[:, 200:300]) - 2.0) < 0.3
+
+
+def test_noise_table_is_not_fooled_by_a_large_change():
+    rng = np.random.default_rng(2)
+    predicted = rng.uniform(40, 200, (240, 320)).astype(np.float32)
+    residual = rng.normal(0, 2.0, predicted.shape).astype(np.float32)
+    residual[:72] += 80.0  # 30 % of the frame
+    table = NoiseTable.learn(predicted, residual, np.ones(predicted.shape, bool))
+    assert np.median(table(predicted)) < 4.0
+
+
+def test_evidence_of_pure_noise_is_one_sigma():
+    z = np.random.default_rng(3).normal(0, 1, (200, 300)).astype(np.float32)
+    assert abs(np.median(evidence(z)) - 1.0) < 0.02
+    assert evidence(np.zeros((50, 50), np.float32)).max() == 0.0
+
+
+def test_outline_of_an_object_becomes_the_whole_object():
+    strength = np.ones((480, 640), np.float32)
+    strength[100:160, 200:300] = 6.0
+    strength[106:154, 206:294] = 1.0  # a flat inside looks like the ground
+    mask = candidates(strength, ChangeConfig())
+    found = blobs(mask)
+    assert len(found) == 1
+    assert abs(found[0].area - 60 * 100) < 500
+
+
+def test_weak_evidence_alone_is_no_object():
+    strength = np.ones((480, 640), np.float32)
+    strength[100:160, 200:300] = 3.0  # above the low, below the high threshold
+    assert not candidates(strength, ChangeConfig()).any()
+
+
+@pytest.mark.parametrize(('side', 'kept'), [(8, False), (12, True)])
+def test_objects_below_the_minimum_area_are_dropped(side, kept):
+    strength = np.ones((480, 640), np.float32)
+    strength[100 : 100 + side, 200 : 200 + side] = 9.0
+    assert candidates(strength, ChangeConfig()).any() == kept
+
+
+def test_thin_leftovers_are_not_objects():
+    mask = np.zeros((60, 80), np.uint8)
+    mask[20:23, 10:70] = 1
+    mask[40:50, 10:30] = 1
+    assert np.count_nonzero(without_thin(mask)) == 200
+
+
+def test_agreement_counts_blocks_not_pixels(texture_of):
+    image = texture_of(240, 320, 4).astype(np.float32)
+    other = texture_of(240, 320, 5).astype(np.float32)
+    whole = np.ones(image.shape, bool)
+    assert agreement(image, 1.3 * image + 10, whole) == 1.0
+    half = np.where(np.arange(240)[:, None] < 120, image, other)
+    assert abs(agreement(image, half, whole) - 0.5) < 0.12
+    assert agreement(image, other, whole) < 0.15
+    assert agreement(np.full_like(image, 9), np.full_like(image, 9), whole) is None

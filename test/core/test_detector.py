@@ -1,0 +1,287 @@
+"""Forward model in, parameters and changes out: accuracy in pixels with a camera's nuisances on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from rsmb_ros.core import Camera, Config, Detector, FrameError
+from rsmb_ros.core.flight import Hover
+from rsmb_ros.core.motion import Grid, coordinates_from_poses, homographies
+from rsmb_ros.core.scenes import aerial_scene
+from rsmb_ros.core.shutter import ShutterTiming
+from rsmb_ros.core.synthesis import CHANGED, Nuisances, Scene, live_frame, reference_image
+
+SHAPE = (240, 320)
+CAMERA = Camera(300.0)
+REAL = Nuisances(
+    gain=1.12, vignetting=0.1, noise_electrons=9000, read_noise=0.3, jpeg_quality=92
+)
+
+
+@dataclass(frozen=True)
+class Case:
+    reference: np.ndarray
+    live: np.ndarray
+    truth: object
+    grid: Grid
+
+
+def case(texture, objects=(), offset=14.0, blur=6.0, exposure=30.0, nuisances=REAL, **timing):
+    """One live frame of a hovering drone over a planar texture or a whole scene."""
+    scene = texture if isinstance(texture, Scene) else Scene(texture, margin=40)
+    grid = Grid(SHAPE, scene.shape, CAMERA.focal_px)
+    hover = Hover(offset, blur, exposure, line_delay=6e-5, phase=0.7)
+    rng = np.random.default_rng(42)
+    reference = reference_image(scene, nuisances, rng)
+    live, truth = live_frame(
+        scene,
+        objects,
+        grid,
+        lambda times: hover.poses(0.0, times),
+        ShutterTiming(exposure, **timing),
+        nuisances,
+        rng,
+    )
+    return Case(reference, live, truth, grid)
+
+
+def row_errors(found: Case, result) -> np.ndarray:
+    """Distance between found and true place of three points of each row (M * 3,) [px]."""
+    y = np.arange(SHAPE[0]) - (SHAPE[0] - 1) / 2
+    errors = []
+    for x in (-120.0, 0.0, 120.0):
+        places = []
+        for poses in (result.row_motion, found.truth.centroids):
+            h = homographies(coordinates_from_poses(poses, found.grid), found.grid)
+            points = np.stack([np.full_like(y, x), y, np.ones_like(y)], axis=1)
+            mapped = np.einsum('nij,nj->ni', h, points)
+            places.append(mapped[:, :2] / mapped[:, 2:])
+        errors.append(np.hypot(*(places[0] - places[1]).T))
+    return np.concatenate(errors)
+
+
+@pytest.fixture(scope='module')
+def texture(texture_of):
+    return texture_of(SHAPE[0] + 80, SHAPE[1] + 80, 21)
+
+
+@pytest.mark.parametrize(
+    ('regime', 'blur', 'exposure', 'rolling'),
+    [
+        ('rolling shutter and blur', 6.0, 30.0, True),
+        ('rolling shutter, sharp', 0.4, 2.0, True),
+        ('global shutter and blur', 6.0, 30.0, False),
+        ('global shutter, sharp', 0.4, 2.0, False),
+    ],
+)
+def test_rows_are_found_to_a_tenth_of_a_pixel_in_all_regimes(
+    texture, regime, blur, exposure, rolling
+):
+    found = case(texture, blur=blur, exposure=exposure, rolling=rolling)
+    config = Config.from_mapping({'shutter.exposure_rows': exposure})
+    result = Detector(found.reference, CAMERA, config).detect(found.live)
+    assert result.status == 'registered', regime
+    if rolling:
+        errors = row_errors(found, result)
+        assert np.median(errors) < 0.05
+        assert np.percentile(errors, 90) < 0.1
+    known = result.valid_mask > 0
+    misfit = (result.registered.astype(float) - found.truth.clean)[known]
+    assert np.sqrt(np.mean(misfit**2)) < 3.0  # noise of reference and JPEG: about 2
+    assert not result.changes
+
+
+@pytest.mark.parametrize('exposure', [12.0, 30.0, 70.0])
+def test_exposure_is_self_calibrated(texture, exposure):
+    found = case(texture, blur=exposure / 5.0, exposure=exposure)
+    result = Detector(found.reference, CAMERA).detect(found.live)
+    assert abs(result.exposure_rows / exposure - 1) < 0.06
+    assert np.median(row_errors(found, result)) < 0.06
+
+
+def test_offset_of_a_quarter_frame_is_found(texture_of):
+    texture = texture_of(SHAPE[0] + 200, SHAPE[1] + 200, 22)
+    scene = Scene(texture, margin=100)
+    found = case(scene, offset=64.0)
+    result = Detector(found.reference, CAMERA).detect(found.live)
+    assert np.median(row_errors(found, result)) < 0.06
+
+
+def test_bottom_up_readout_is_a_parameter(texture):
+    found = case(texture, bottom_up=True)
+    config = Config.from_mapping({'shutter': {'exposure_rows': 30.0, 'readout': 'bottom_up'}})
+    result = Detector(found.reference, CAMERA, config).detect(found.live)
+    assert np.median(row_errors(found, result)) < 0.05
+
+
+def test_stated_uncertainty_is_of_the_size_of_the_error(texture):
+    found = case(texture)
+    result = Detector(found.reference, CAMERA).detect(found.live)
+    centre = row_errors(found, result)[SHAPE[0] : 2 * SHAPE[0]]
+    ratio = np.sqrt(np.mean(centre**2)) / np.sqrt(np.mean(result.row_uncertainty**2))
+    assert 0.2 < ratio < 3.0
+
+
+def test_reference_may_be_larger_than_the_frame(texture_of):
+    texture = texture_of(500, 640, 23)
+    scene = Scene(texture, margin=40)  # reference 420 x 560, frame 240 x 320 in its middle
+    found = case(scene)
+    result = Detector(found.reference, CAMERA).detect(found.live)
+    assert result.status == 'registered'
+    assert np.median(row_errors(found, result)) < 0.06
+    assert result.rectified.shape == (420, 560)
+    assert result.valid_mask.mean() > 250
+
+
+@pytest.fixture(scope='module')
+def suburb():
+    aerial = aerial_scene((480, 640), np.random.default_rng(3))
+    return aerial
+
+
+@pytest.fixture(scope='module')
+def suburb_case(suburb):
+    grid = Grid((480, 640), (480, 640), 576.0)
+    hover = Hover(22.0, 8.0, 50.0, 6e-5, phase=0.4)
+    rng = np.random.default_rng(1)
+    reference = reference_image(suburb.scene, REAL, rng)
+
+    def frame(objects):
+        return live_frame(
+            suburb.scene, objects, grid, lambda t: hover.poses(1.0, t), ShutterTiming(50.0), REAL, rng
+        )
+
+    return reference, frame
+
+
+def test_new_objects_are_found_and_houses_are_not(suburb, suburb_case):
+    reference, frame = suburb_case
+    live, truth = frame(suburb.objects)
+    result = Detector(reference).detect(live)
+    assert len(result.changes) == 2
+    for x, y, width, height in truth.objects.values():
+        middle = (x + width / 2, y + height / 2)
+        hits = [
+            region
+            for region in result.changes
+            if region.x <= middle[0] < region.x + region.width
+            and region.y <= middle[1] < region.y + region.height
+        ]
+        assert len(hits) == 1
+        assert hits[0].score > 0.8
+    changed = result.change_mask > 0
+    truly = truth.label == CHANGED
+    assert np.count_nonzero(changed & truly) / np.count_nonzero(truly) > 0.9
+    assert result.change_mask.dtype == result.valid_mask.dtype == np.uint8
+    assert set(np.unique(result.change_mask)) <= {0, 255}
+
+
+def test_unchanged_scene_with_parallax_raises_no_alarm(suburb_case):
+    reference, frame = suburb_case
+    live, _ = frame(())
+    result = Detector(reference).detect(live)
+    assert result.status == 'registered'
+    assert not result.changes
+    depths = [region.relative_depth for region in result.regions]
+    assert depths, 'the houses move by 3 px and must be seen as static objects'
+    assert all(abs(depth - 0.88) < 0.03 for depth in depths)
+
+
+def test_results_do_not_depend_on_the_number_of_threads(texture):
+    found = case(texture)
+    results = [
+        Detector(found.reference, CAMERA, Config.from_mapping({'worker.threads': n})).detect(
+            found.live
+        )
+        for n in (1, 2, 3)
+    ]
+    for other in results[1:]:
+        np.testing.assert_array_equal(results[0].residual, other.residual)
+        np.testing.assert_array_equal(results[0].row_motion, other.row_motion)
+        np.testing.assert_array_equal(results[0].change_mask, other.change_mask)
+
+
+def test_colour_and_grey_are_registered_alike(suburb, suburb_case):
+    reference, frame = suburb_case
+    live, _ = frame(())
+    result = Detector(reference).detect(live)
+    assert result.registered.shape == live.shape
+    assert result.rectified.shape == reference.shape
+    inside = result.valid_mask > 0
+    misfit = (result.registered.astype(float) - live)[inside]
+    assert np.sqrt(np.mean(misfit**2)) < 12.0
+    level = Detector(reference[..., 1].copy()).detect(live[..., 1].copy())
+    np.testing.assert_allclose(
+        level.row_motion[:, :2], result.row_motion[:, :2], atol=0.5
+    )  # px: another channel, other noise
+
+
+def test_rectified_frame_lies_on_the_reference(texture):
+    found = case(texture, blur=0.5, exposure=2.0)
+    result = Detector(found.reference, CAMERA).detect(found.live)
+    seen = result.rectified > 0
+    seen[:8] = seen[-8:] = False
+    assert seen.mean() > 0.75
+    gain = found.live.mean() / found.reference.mean()
+    difference = result.rectified[seen] / gain - found.reference[seen]
+    assert np.median(np.abs(difference)) < 5.0
+    shifted = np.abs(np.roll(result.rectified, 3, axis=1)[seen] / gain - found.reference[seen])
+    assert np.median(shifted) > 2 * np.median(np.abs(difference))
+
+
+@pytest.mark.parametrize(
+    ('live', 'reason'),
+    [
+        (np.full(SHAPE, 90, np.uint8), 'no texture in the live frame'),
+        ('other', 'match|overlap'),
+        (np.random.default_rng(0).integers(0, 255, SHAPE, dtype=np.uint8), 'match|overlap'),
+    ],
+)
+def test_hopeless_frames_are_a_result_with_a_reason(texture, texture_of, live, reason):
+    import re
+
+    if isinstance(live, str):
+        live = texture_of(*SHAPE, 99)
+    result = Detector(texture, CAMERA).detect(live)
+    assert result.status == 'not_registered'
+    assert re.search(reason, result.reason)
+    assert not result.valid_mask.any()
+    assert not result.change_mask.any()
+    assert np.isnan(result.row_motion).all()
+    assert result.registered.shape == SHAPE
+    assert result.rectified.shape == texture.shape
+
+
+def test_flat_reference_is_a_result_too(texture):
+    result = Detector(np.full(SHAPE, 7, np.uint8)).detect(texture[: SHAPE[0], : SHAPE[1]].copy())
+    assert result.status == 'not_registered'
+    assert 'no texture in the reference' in result.reason
+
+
+@pytest.mark.parametrize(
+    'image',
+    [
+        np.zeros((100, 100), np.float32),
+        np.zeros((100, 100, 4), np.uint8),
+        np.zeros((8, 100), np.uint8),
+        'a path',
+        None,
+    ],
+)
+def test_what_is_no_image_is_refused_with_its_shape(image, texture):
+    with pytest.raises(FrameError, match='reference is'):
+        Detector(image)
+    with pytest.raises(FrameError, match='live frame is'):
+        Detector(texture).detect(image)
+
+
+def test_stream_may_change_its_size(texture):
+    detector = Detector(texture, CAMERA)
+    first = detector.detect(texture[:200, :260].copy())
+    second = detector.detect(texture[40:280, 30:350].copy())
+    assert [result.status for result in (first, second)] == ['registered'] * 2
+    np.testing.assert_allclose(np.median(second.row_motion[:, 0]), -10.0, atol=0.2)
+    np.testing.assert_allclose(np.median(second.row_motion[:, 1]), 0.0, atol=0.2)

@@ -1,0 +1,193 @@
+"""Every kernel against the literal equations of naive.py."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import naive
+import numpy as np
+import pytest
+
+from rsmb_ros.core._kernels import fit, geometry, render, synthesis
+from rsmb_ros.core.motion import homographies
+from rsmb_ros.core.render import blurred
+from rsmb_ros.core.sampling import half_pixel
+
+pytestmark = pytest.mark.oracle
+LIGHT = np.array([1.1, 0.03, -0.02, -0.08, 1.5])
+GAMMA = 2.2
+
+
+def test_homography_is_rotation_plus_scaled_translation():
+    rng = np.random.default_rng(1)
+    for depth in (1.0, 0.7, 1.4):
+        q = rng.normal(0, [20, 20, 12, 6, 3, 3])
+        out = np.empty(9)
+        geometry.homography(q, 500.0, 320.0, 1.0 / depth, out)
+        expected = naive.homography(q, 500.0, 320.0, depth)
+        np.testing.assert_allclose(out.reshape(3, 3), expected, rtol=1e-9, atol=1e-12)
+
+
+def test_spline_of_the_kernel_is_the_textbook_spline(bent_path):
+    for time in (-7.3, 0.0, 3.99, 4.0, 21.5, 39.9, 47.0, 60.0):
+        out = np.zeros(6)
+        render.pose_at(time, bent_path.control, bent_path.first_time, bent_path.knot_rows, out)
+        expected = naive.path_coordinates(
+            bent_path.control, bent_path.first_time, bent_path.knot_rows, time
+        )
+        np.testing.assert_allclose(out, expected, atol=1e-5)  # ends are clamped 1e-6 apart
+        np.testing.assert_allclose(bent_path.coordinates(np.array([time]))[0], out, atol=1e-9)
+
+
+@pytest.mark.parametrize('depth', [1.0, 0.8])
+@pytest.mark.parametrize('bottom_up', [False, True])
+def test_blurred_rows_are_the_mean_of_warped_rows(
+    bent_path, texture_of, executor, depth, bottom_up
+):
+    fine = half_pixel(texture_of(44, 52, 3).astype(np.float32))
+    path = replace(bent_path, bottom_up=bottom_up)
+    image, complete = blurred(fine, path, executor, depth)
+    counts = path.samples_per_row(1.0, stretch=max(1.0, 1.0 / depth))
+    assert 0.5 < complete.mean() < 1.0
+    for row in range(0, 40, 3):
+        expected = naive.blurred_row(fine, path, row, counts[row], depth)
+        known = complete[row]
+        np.testing.assert_allclose(image[row][known], expected[known], atol=2e-3)  # float32
+        assert np.all(image[row][~known] == 0)
+        # what the kernel calls incomplete may only be a pixel more than what is
+        assert np.count_nonzero(~np.isnan(expected)) - np.count_nonzero(known) <= 1
+
+
+def test_strongest_gradients_are_found(texture_of):
+    image = texture_of(30, 61, 4).astype(np.float32)
+    rows = np.arange(0, 30, 4)
+    columns = np.zeros((len(rows), 8), np.int64)
+    values = np.zeros((len(rows), 8), np.float32)
+    fit.strongest_gradients(image, rows, 7, columns, values)
+    expected = naive.strongest_gradients(image, rows, 7, 8)
+    np.testing.assert_array_equal(columns, expected)
+    np.testing.assert_array_equal(values, image[rows[:, None], expected])
+
+
+class _Points:
+    """A few points of a small frame and their normal equations."""
+
+    def __init__(self, path, texture_of, dof):
+        self.path, self.dof = path, dof
+        self.fine = half_pixel(texture_of(44, 52, 5).astype(np.float32))
+        rng = np.random.default_rng(6)
+        self.rows = np.array([7, 19, 20, 31])
+        self.columns = np.sort(rng.integers(6, 42, (4, 5)), axis=1)
+        self.values = rng.uniform(80, 170, (4, 5)).astype(np.float32)
+        self.count = 5
+
+    def accumulate(self, light=LIGHT, sigma=50.0, tukey=False):
+        size = len(self.path.control) * self.dof + fit.EXTRA
+        normal, gradient = np.zeros((size, size)), np.zeros(size)
+        residuals = np.zeros(self.values.shape, np.float32)
+        samples = np.full(4, self.count)
+        times = self.path.row_times[self.rows]
+        fit.accumulate(
+            0, 4, self.fine.ravel(), *self.fine.shape, self.rows, times, samples, self.columns,
+            self.values, self.path.control, self.path.first_time, self.path.knot_rows,
+            self.path.exposure_rows, self.path.grid.focal_px, self.path.grid.center, 1.0, self.dof,
+            light, GAMMA, sigma, tukey, normal, gradient, residuals,
+        )  # fmt: skip
+        return normal, gradient, residuals
+
+    def literal_residuals(self, light=LIGHT):
+        found = [
+            naive.point_residual(
+                self.fine, self.path, row, column, value, self.count, light, GAMMA
+            )
+            for row, columns, values in zip(self.rows, self.columns, self.values, strict=True)
+            for column, value in zip(columns, values, strict=True)
+        ]
+        return np.array([1e9 if r is None else r for r in found]).reshape(self.values.shape)
+
+
+def test_residuals_of_the_fit_are_those_of_the_image_model(bent_path, texture_of):
+    points = _Points(bent_path, texture_of, 6)
+    _, _, residuals = points.accumulate()
+    np.testing.assert_allclose(residuals, points.literal_residuals(), rtol=1e-4, atol=5e-3)
+
+
+@pytest.mark.parametrize('dof', [2, 4, 6])
+def test_gradient_of_the_fit_is_the_slope_of_its_cost(bent_path, texture_of, dof):
+    """With equal weights J^T r is minus half the slope of sum r^2, unknown by unknown."""
+    points = _Points(bent_path, texture_of, dof)
+    # a smooth reference and a huge sigma: every weight is 1, every slope well defined
+    _, gradient, residuals = points.accumulate(sigma=1e6)
+    assert np.all(residuals < 1e8)
+    step = 1e-3
+
+    def cost(change_control=None, light=LIGHT, exposure=0.0):
+        moved = bent_path.control.copy()
+        if change_control is not None:
+            moved[change_control] += step
+        points.path = replace(
+            bent_path, control=moved, exposure_rows=bent_path.exposure_rows + exposure
+        )
+        return (points.literal_residuals(light) ** 2).sum()
+
+    base = cost()
+    extra = len(bent_path.control) * dof
+    checks = [(k * dof + e, cost((k, e))) for k in (3, 4, 5) for e in range(dof)]
+    for n in range(5):
+        light = LIGHT.copy()
+        light[n] += step * (10.0 if n == 4 else 1.0)
+        checks.append((extra + n, cost(light=light)))
+    checks.append((extra + 5, cost(exposure=step)))
+    slopes = np.array([-(moved - base) / (2 * step) for _, moved in checks])
+    found = gradient[[index for index, _ in checks]]
+    # tilts and turns use the derivative at a small angle: a few per cent of the largest slope
+    np.testing.assert_allclose(found, slopes, atol=0.06 * np.abs(slopes).max(), rtol=0.06)
+
+
+def test_normal_matrix_is_the_square_of_the_jacobian(bent_path, texture_of):
+    """Recover J from the gradient's response to single residuals, then compare J^T J."""
+    points = _Points(bent_path, texture_of, 4)
+    normal, gradient, residuals = points.accumulate(sigma=1e6)
+    jacobian = []
+    for r, p in np.ndindex(points.values.shape):
+        points.values[r, p] += 1.0
+        jacobian.append(points.accumulate(sigma=1e6)[1] - gradient)
+        points.values[r, p] -= 1.0
+    jacobian = np.array(jacobian)
+    expected = np.tril(jacobian.T @ jacobian)
+    np.testing.assert_allclose(normal, expected, rtol=2e-2, atol=2e-3 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        gradient, jacobian.T @ residuals.ravel(), rtol=2e-2, atol=2e-2 * np.abs(gradient).max()
+    )
+
+
+def test_tukey_gives_no_weight_beyond_five_sigma(bent_path, texture_of):
+    points = _Points(bent_path, texture_of, 2)
+    points.values[:] = 255.0  # far from anything
+    normal, gradient, _ = points.accumulate(sigma=1.0, tukey=True)
+    assert not normal.any()
+    assert not gradient.any()
+
+
+def test_live_places_invert_the_row_homographies(bent_path):
+    found = homographies(bent_path.row_centroids(), bent_path.grid)
+    inverses = np.linalg.inv(found).reshape(-1, 9)
+    map_x, map_y = np.zeros((44, 52), np.float32), np.zeros((44, 52), np.float32)
+    render.live_places(0, 44, inverses, bent_path.grid.center, 40, map_x, map_y)
+    for u, v in ((12, 10), (25, 22), (40, 30), (20, 35)):
+        gap, x, y = naive.live_place(found, u, v, bent_path.grid.center)
+        assert gap < 0.6  # the nearest whole row
+        # between whole rows the camera moves on: the motion of half a row
+        assert np.hypot(map_x[v, u] - x, map_y[v, u] - y) < 0.6
+
+
+def test_bicubic_row_is_keys_interpolation(texture_of):
+    image = texture_of(20, 24, 8).astype(float)[..., None]
+    h = naive.homography([1.3, -0.7, 0.9, 0.4, 0.1, -0.2], 30.0, 12.0)
+    center = np.array([11.5, 9.5, 11.5, 9.5])
+    out = np.empty((24, 1))
+    for row in (0, 7, 19):
+        synthesis.warp_row(image, h.ravel(), row, center, out)
+        places = [naive.warped_place(h, x, row, center) for x in range(24)]
+        expected = [naive.cubic(image[..., 0], v, u) for u, v in places]
+        np.testing.assert_allclose(out[:, 0], expected, atol=1e-6)
