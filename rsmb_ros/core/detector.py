@@ -23,7 +23,7 @@ from .coarse import CoarseSearch
 from .config import Config
 from .errors import FrameError
 from .evidence import NoiseTable, evidence
-from .layers import DepthSearch, Layer, unjudgeable
+from .layers import DepthSearch, Front, Layer, fronts
 from .motion import Grid
 from .path_estimator import PathEstimator, PathFit, row_uncertainty
 from .photometric import luma, to_display, to_linear
@@ -113,34 +113,41 @@ class Detector:
         with clock.step('coarse'):
             matches = coarse.match(grey)
         with clock.step('path'):
-            fit = estimator.estimate(to_linear(grey, self.config.camera.gamma), matches)
+            linear = to_linear(grey, self.config.camera.gamma)
+            fit = estimator.estimate(linear, matches)
         with clock.step('render'):
             frame = _RegisteredFrame(self, live, grey, fit)
             problem = self._misfit(frame)
         if problem:
             return self._not_registered(live, problem, clock)
-        with clock.step('evidence'):
-            noise = NoiseTable.learn(frame.predicted, frame.residual, frame.judged)
-            z = np.where(frame.judged, frame.residual / noise(frame.predicted), 0.0)
-            strength = evidence(z.astype(np.float32))
-            mask = candidates(strength, self.config.change)
-        with clock.step('layers'):
-            layers, unknown = self._layers(frame, mask, noise)
-        mask[unknown | ~frame.judged] = 0
-        mask = without_small(without_thin(mask), self.config.change)
-        regions = [*self._changes(mask, strength), *(_static_region(layer) for layer in layers)]
-        valid = frame.judged & ~unknown
+        with clock.step('change'):
+            noise, strength, mask = self._evidence(frame)
+        layers: list[Layer] = []
+        if self.config.layers.enabled and mask.any():
+            with clock.step('layers'):
+                layers = self._layers(frame, mask, noise)
+        if layers:
+            with clock.step('refine'):
+                frame.put_in_front(layers)
+                refined = estimator.refine(linear, fit, frame.foreground)
+                frame = _RegisteredFrame(self, live, grey, refined)
+                noise, strength, mask = self._evidence(frame)
+                layers = self._layers(frame, mask, noise)
+                frame.put_in_front(layers)
+                noise, strength, mask = self._evidence(frame)
+        mask = without_small(without_thin(mask * frame.judged), self.config.change)
+        regions = [*self._changes(mask, strength), *map(_static_region, layers)]
         return Result(
             status=REGISTERED,
             reason='',
             change_mask=mask * np.uint8(255),
-            valid_mask=valid.astype(np.uint8) * np.uint8(255),
-            residual=np.where(valid, frame.residual, 0.0).astype(np.float32),
-            row_motion=fit.path.row_motion(),
-            row_uncertainty=row_uncertainty(fit),
+            valid_mask=frame.judged * np.uint8(255),
+            residual=np.where(frame.judged, frame.residual, np.float32(0.0)),
+            row_motion=frame.fit.path.row_motion(),
+            row_uncertainty=row_uncertainty(frame.fit),
             regions=tuple(regions),
-            exposure_rows=fit.path.exposure_rows,
-            gain=float(fit.light.gain[0]),
+            exposure_rows=frame.fit.path.exposure_rows,
+            gain=float(frame.fit.light.gain[0]),
             timings_ms=clock.timings_ms,
             views=frame,
         )
@@ -177,13 +184,15 @@ class Detector:
             )
         return ''
 
-    def _layers(
-        self, frame: _RegisteredFrame, mask: np.ndarray, noise: NoiseTable
-    ) -> tuple[list[Layer], np.ndarray]:
-        """Find static objects, take them out of `mask`; return them and what they make unknown."""
-        unknown = np.zeros(mask.shape, bool)
-        if not self.config.layers.enabled:
-            return [], unknown
+    def _evidence(self, frame: _RegisteredFrame) -> tuple[NoiseTable, np.ndarray, np.ndarray]:
+        """Return noise, evidence (M, N) [sigma] and candidate objects (M, N) uint8 0/1."""
+        noise = NoiseTable.learn(frame.predicted, frame.residual, frame.judged)
+        z = frame.residual / noise(frame.predicted)
+        strength = evidence(np.where(frame.judged, z, np.float32(0.0)))
+        return noise, strength, candidates(strength, self.config.change)
+
+    def _layers(self, frame: _RegisteredFrame, mask: np.ndarray, noise: NoiseTable) -> list[Layer]:
+        """Find the static objects among the candidates in `mask` (M, N) uint8 0/1."""
         search = DepthSearch(
             frame.grey,
             noise,
@@ -193,19 +202,12 @@ class Detector:
             self.config.change,
         )
         layers = [layer for blob in blobs(mask) if (layer := search.explain(blob))]
-        _take_out(mask, layers)
+        rest = mask.copy()
+        for layer in layers:
+            rest[layer.blob.box][layer.blob.mask] = 0
         # pieces too small to tell their own depth, next to one that could
-        pieces = [
-            piece
-            for blob in blobs(mask)
-            for layer in layers
-            if (piece := search.belongs(blob, layer))
-        ]
-        _take_out(mask, pieces)
-        layers += pieces
-        if layers:
-            unknown = unjudgeable(layers, frame.fit.path, frame.render_cover)
-        return layers, unknown
+        pieces = (search.belongs(blob, layer) for blob in blobs(rest) for layer in layers)
+        return layers + [piece for piece in pieces if piece]
 
     def _changes(self, mask: np.ndarray, strength: np.ndarray) -> Iterator[Region]:
         for blob in blobs(mask):
@@ -241,12 +243,29 @@ class _RegisteredFrame:
         self.grey = grey
         self._detector = detector
         self._live = live
+        self._fronts: list[Front] = []
         rows, cols = grey.shape
         self.predicted, self.complete = self.render(1.0, Window(0, rows, 0, cols))
         self.residual = grey - self.predicted
         inner = cv2.copyMakeBorder(self.complete.astype(np.uint8), *[1] * 4, cv2.BORDER_CONSTANT)
         inner = cv2.erode(inner, np.ones((BORDER, BORDER), np.uint8))[1:-1, 1:-1] > 0
         self.judged = inner & ~((grey >= SATURATED) & (self.predicted >= SATURATED))
+
+    def put_in_front(self, layers: list[Layer]) -> None:
+        """Composite static objects over the background; their edges are no longer judged."""
+        self._fronts = fronts(layers, self.fit.path, self.render_cover)
+        rows, cols = self.grey.shape
+        for front in self._fronts:
+            own, complete = self.render(front.relative_depth, Window(0, rows, 0, cols))
+            inside = front.inside & complete
+            self.predicted[inside] = own[inside]
+            self.judged = self.judged & ~front.edge
+        self.residual = self.grey - self.predicted
+
+    @property
+    def foreground(self) -> np.ndarray:
+        """Where layers hide the background or may do so (M, N) bool."""
+        return np.any([front.inside | front.edge for front in self._fronts], axis=0)
 
     @cached_property
     def _gain_field(self) -> np.ndarray:
@@ -272,18 +291,24 @@ class _RegisteredFrame:
         if detector.reference.ndim == 2:
             image = self.predicted * self.complete
         else:
-            gamma = detector.config.camera.gamma
-            planes = [
-                blurred(
-                    half_pixel(to_linear(detector.reference[..., c], gamma)),
-                    self.fit.path,
-                    detector._executor,
-                )[0]
-                for c in range(3)
-            ]
-            image = self.fit.light.apply(np.stack(planes, axis=-1), gamma)
+            planes = [self._composited(detector.reference[..., c]) for c in range(3)]
+            light = np.stack(planes, axis=-1)
+            image = self.fit.light.apply(light, detector.config.camera.gamma)
             image *= self.complete[..., None]
         return np.rint(image).astype(np.uint8)
+
+    def _composited(self, plane: np.ndarray) -> np.ndarray:
+        """Linear light of one colour plane of the reference, layers in front (M, N)."""
+        detector = self._detector
+        fine = half_pixel(to_linear(plane, detector.config.camera.gamma))
+        image, _ = blurred(fine, self.fit.path, detector._executor)
+        for front in self._fronts:
+            own, complete = blurred(
+                fine, self.fit.path, detector._executor, front.relative_depth
+            )
+            inside = front.inside & complete
+            image[inside] = own[inside]
+        return image
 
     def rectified(self) -> np.ndarray:
         """Return the live image in the geometry of the reference, uint8."""
@@ -336,11 +361,6 @@ def _checked(image: np.ndarray, name: str) -> np.ndarray:
             f'{name} is {image.shape[0]}x{image.shape[1]} px, must be at least {MIN_SIZE}x{MIN_SIZE}'
         )
     return image
-
-
-def _take_out(mask: np.ndarray, layers: list[Layer]) -> None:
-    for layer in layers:
-        mask[layer.blob.box][layer.blob.mask] = 0
 
 
 def _static_region(layer: Layer) -> Region:

@@ -33,6 +33,7 @@ MIN_CORRELATION = 0.6  # of prediction and live on the object ...
 SURE_SHARE = 0.5  # ... unless this share is explained
 MAX_ENERGY_RATIO = 0.85  # of the energy at the background's depth
 GAP = 0.04  # of the width: gaps in an object's outline that still belong to it
+EDGE = 9  # px: an object's outline is known to half of this
 RIM_LOW, RIM_HIGH = 0.02, 0.98  # share of the exposure that makes a pixel a rim
 
 Render = Callable[[float, Window], tuple[np.ndarray, np.ndarray]]
@@ -140,41 +141,50 @@ class DepthSearch:
         return float(np.hypot(shift[0] + zoom * x, shift[1] + zoom * y) * abs(1 / depth - 1))
 
 
-def unjudgeable(
+@dataclass(frozen=True)
+class Front:
+    """What hides the background at one depth."""
+
+    relative_depth: float
+    inside: np.ndarray  # (M, N) bool, surely covered during the whole exposure
+    edge: np.ndarray  # (M, N) bool, perhaps covered, or uncovered: cannot be judged
+
+
+def fronts(
     layers: list[Layer],
     path: CameraPath,
     render_cover: Callable[[np.ndarray, float], np.ndarray],
-) -> np.ndarray:
+) -> list[Front]:
     """
-    Mark what the layers hide, uncover or half cover in the live frame, (M, N) bool.
+    Find where static objects hide the background, farthest first.
 
     `render_cover` renders a mask on the reference's grid, float32 0..1, at a depth.
     """
-    unknown = np.zeros(path.grid.live_shape, bool)
-    for depth in sorted({layer.relative_depth for layer in layers}):
+    found = []
+    for depth in sorted({layer.relative_depth for layer in layers}, reverse=True):
         pieces = [layer for layer in layers if layer.relative_depth == depth]
-        cover = _cover_in_reference(pieces, path)
-        uncovered = render_cover(cover, 1.0)
-        own = render_cover(cover, depth)
-        unknown |= (uncovered > 0.03) & (own < RIM_HIGH)
-        unknown |= (own > RIM_LOW) & (own < RIM_HIGH)
-    return unknown
+        wide, core = _covers_in_reference(pieces, path)
+        inside = render_cover(core, depth) > RIM_HIGH
+        touched = (render_cover(wide, depth) > RIM_LOW) | (render_cover(wide, 1.0) > RIM_LOW)
+        found.append(Front(depth, inside, touched & ~inside))
+    return found
 
 
-def _cover_in_reference(pieces: list[Layer], path: CameraPath) -> np.ndarray:
-    """Where the pieces of a layer lie in the reference (rows, cols) float32, 0 or 1, widened."""
+def _covers_in_reference(pieces: list[Layer], path: CameraPath) -> tuple[np.ndarray, np.ndarray]:
+    """Where a layer may lie in the reference and where it surely does, (rows, cols) float32 0/1."""
     rows, cols = path.grid.reference_shape
     cover = np.zeros((rows, cols), np.uint8)
     for layer in pieces:
         for u, v in _reference_places(layer, path):
             inside = (u >= 0) & (v >= 0) & (u < cols) & (v < rows)
             cover[v[inside], u[inside]] = 1
-    gaps = round(GAP * cols)
+    gaps = max(3, round(GAP * cols))
     cover = cv2.copyMakeBorder(cover, *[gaps] * 4, cv2.BORDER_CONSTANT, value=0)
     cover = cv2.morphologyEx(cover, cv2.MORPH_CLOSE, np.ones((gaps, gaps), np.uint8))
     cover = cover[gaps:-gaps, gaps:-gaps]
-    wide = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (9, 9))
-    return cv2.dilate(cover, wide).astype(np.float32)
+    edge = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (EDGE, EDGE))
+    wide, core = cv2.dilate(cover, edge), cv2.erode(cover, edge)
+    return wide.astype(np.float32), core.astype(np.float32)
 
 
 def _reference_places(layer: Layer, path: CameraPath) -> Iterator[tuple[np.ndarray, np.ndarray]]:

@@ -26,6 +26,7 @@ CHUNKS = 8  # blocks of rows, summed in this order whatever the number of thread
 ROW_STEP = 4  # rows between rows of points, at full size
 BIN_WIDTH = 7  # px per point, at full size
 POINT_STEP = 1.0  # px of the level between instants of the exposure
+SWITCHED_OFF = -1e9  # display value of a point that must not count
 NO_RESIDUAL = 1e8  # residuals above this mark points without reference
 MIN_SIGMA = 1.0  # grey levels; no camera is quieter
 
@@ -94,6 +95,11 @@ class _Points:
     columns: np.ndarray  # (R, P)
     values: np.ndarray  # (R, P) display values
 
+    def without(self, mask: np.ndarray) -> _Points:
+        """Return the points with those on a mask (M, N) bool of this level switched off."""
+        off = mask[self.rows[:, None], self.columns]
+        return replace(self, values=np.where(off, np.float32(SWITCHED_OFF), self.values))
+
 
 class PathEstimator:
     """Fits camera paths of live frames of one size to one reference."""
@@ -129,6 +135,22 @@ class PathEstimator:
         else:
             fit = self._self_calibrated(points, matches)
         return fit
+
+    def refine(self, live: np.ndarray, fit: PathFit, foreground: np.ndarray) -> PathFit:
+        """
+        Fit the path of `live` again from `fit`, without what is known not to be background.
+
+        `foreground` (M, N) bool marks pixels of static objects at other depths: in rows that they
+        dominate, the path had followed them.
+        """
+        gamma = self._config.camera.gamma
+        finest = min(1, len(self._levels) - 1)
+        masks = pyramid(foreground.astype(np.float32), finest + 1)
+        points = [
+            _select_points(to_display(image, gamma), n).without(mask > 0)
+            for n, (image, mask) in enumerate(zip(pyramid(live, finest + 1), masks, strict=True))
+        ]
+        return self._fit_levels(points, fit, 0, self._config.shutter.exposure_rows == 0)
 
     def _start(self, matches: StripMatches, exposure: float) -> PathFit:
         bottom_up = self._config.shutter.readout == 'bottom_up'
