@@ -19,6 +19,7 @@ PATCHES = 4  # per direction, for the global vote
 STRIPS = 14  # bands of rows
 PARTS = 3  # pieces of one band
 WOBBLE = 3  # px at search width: what rolling shutter may move a patch from the global offset
+EDGE = 3  # px of room that a piece needs to the reference's edge
 MIN_CONTRAST = 2.0  # grey levels; flatter patches say nothing
 MIN_PEAK = 0.4  # normalised correlation of a strip that counts
 SPLINE_SAMPLES = 8  # instants per exposure in the start's design matrix
@@ -114,8 +115,8 @@ class CoarseSearch:
         for top in range(0, rows - height + 1, height):
             for left in range(0, cols - width + 1, width):
                 # the part of the piece that the reference can show within reach
-                r0, r1 = max(top, -at[1] + 1), min(top + height, ref_rows - at[1] - 1)
-                c0, c1 = max(left, -at[0] + 1), min(left + width, ref_cols - at[0] - 1)
+                r0, r1 = max(top, EDGE - at[1]), min(top + height, ref_rows - at[1] - EDGE)
+                c0, c1 = max(left, EDGE - at[0]), min(left + width, ref_cols - at[0] - EDGE)
                 if r1 - r0 < 5 or c1 - c0 < 12:
                     continue
                 piece = small[r0:r1, c0:c1]
@@ -183,7 +184,7 @@ def _start_prior(knots: int) -> np.ndarray:
     slope, bend = first.T @ first, second.T @ second
     prior = np.zeros((4 * knots, 4 * knots))
     for n, (bend_weight, slope_weight, ridge) in enumerate(
-        [(0.05, 1e-4, 1e-9), (0.05, 1e-4, 1e-9), (0.2, 2.0, 1e-3), (0.2, 4.0, 1e-2)]
+        [(0.05, 0.01, 1e-9), (0.05, 0.01, 1e-9), (0.2, 2.0, 1e-3), (0.2, 4.0, 1e-2)]
     ):
         block = np.s_[n * knots : (n + 1) * knots]
         prior[block, block] = bend_weight * bend + slope_weight * slope + ridge * np.eye(knots)

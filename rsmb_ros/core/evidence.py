@@ -9,7 +9,7 @@ import numpy as np
 
 INTENSITY_BINS = 8
 TEXTURE_BINS = 10
-MIN_PIXELS = 150  # a bin with fewer takes the frame's median
+FULL_TRUST = 1000  # pixels; a bin with fewer leans on its neighbours
 MIN_SIGMA = 1.0  # grey levels
 RESIDUAL_STEP = 0.25  # grey levels, histogram resolution of absolute residuals
 TEXTURE_STEP = 0.125  # grey levels / px, table resolution
@@ -64,11 +64,12 @@ class NoiseTable:
         count = INTENSITY_BINS * TEXTURE_BINS
         histogram = np.bincount(bins * 256 + heights, minlength=count * 256).reshape(count, 256)
         sigma = 1.4826 * RESIDUAL_STEP * _medians(histogram)
-        few = histogram.sum(axis=1) < MIN_PIXELS
-        fallback = np.median(sigma[~few]) if (~few).any() else MIN_SIGMA
-        sigma[few] = fallback
-        table = sigma.reshape(INTENSITY_BINS, TEXTURE_BINS).astype(np.float32)
-        table = np.maximum(cv2.GaussianBlur(table, (3, 3), 0.7), MIN_SIGMA)
+        shape = (INTENSITY_BINS, TEXTURE_BINS)
+        # neighbouring bins smooth each other, by what each of them knows
+        trust = np.minimum(histogram.sum(axis=1), FULL_TRUST).reshape(shape) + 1e-3
+        smooth = cv2.GaussianBlur(trust * sigma.reshape(shape), (3, 3), 0.7)
+        table = smooth / cv2.GaussianBlur(trust, (3, 3), 0.7)
+        table = np.maximum(table, MIN_SIGMA).astype(np.float32)
         return cls(table, intensity_bin, texture_bin)
 
     def __call__(self, predicted: np.ndarray) -> np.ndarray:

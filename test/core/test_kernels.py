@@ -91,7 +91,7 @@ class _Points:
             0, 4, self.fine.ravel(), *self.fine.shape, self.rows, times, samples, self.columns,
             self.values, self.path.control, self.path.first_time, self.path.knot_rows,
             self.path.exposure_rows, self.path.grid.focal_px, self.path.grid.center, 1.0, self.dof,
-            light, GAMMA, sigma, tukey, normal, gradient, residuals,
+            light, GAMMA, sigma, 0.0, tukey, normal, gradient, residuals,
         )  # fmt: skip
         return normal, gradient, residuals
 
@@ -191,3 +191,23 @@ def test_bicubic_row_is_keys_interpolation(texture_of):
         places = [naive.warped_place(h, x, row, center) for x in range(24)]
         expected = [naive.cubic(image[..., 0], v, u) for u, v in places]
         np.testing.assert_allclose(out[:, 0], expected, atol=1e-6)
+
+
+def test_strong_edges_count_no_more_than_their_place_allows(bent_path, texture_of):
+    """Weight of a point = sigma^2 / (sigma^2 + (misplaced |gradient|)^2): nothing beyond 1 / px^2."""
+    points = _Points(bent_path, texture_of, 2)
+    free, _, _ = points.accumulate(sigma=1.0)
+    points_capped = _Points(bent_path, texture_of, 2)
+    size = len(bent_path.control) * 2 + fit.EXTRA
+    normal, gradient = np.zeros((size, size)), np.zeros(size)
+    fit.accumulate(
+        0, 4, points_capped.fine.ravel(), *points_capped.fine.shape, points_capped.rows,
+        bent_path.row_times[points_capped.rows], np.full(4, 5), points_capped.columns,
+        points_capped.values, bent_path.control, bent_path.first_time, bent_path.knot_rows,
+        bent_path.exposure_rows, bent_path.grid.focal_px, bent_path.grid.center, 1.0, 2, LIGHT,
+        GAMMA, 1.0, 0.5, False, normal, gradient, np.zeros((4, 5), np.float32),
+    )  # fmt: skip
+    translation = np.trace(normal[: size - fit.EXTRA, : size - fit.EXTRA])
+    assert translation < np.trace(free[: size - fit.EXTRA, : size - fit.EXTRA])
+    # 20 points, information at most 1 / 0.5^2 each (B-spline weights sum to 1)
+    assert translation <= 20 / 0.5**2

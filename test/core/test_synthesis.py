@@ -107,7 +107,8 @@ def test_object_outside_and_rim_are_labelled():
     assert 39 <= x <= 42  # 40 + 10 - 0.3 * row at the last row
     assert 56 <= x + width <= 60  # 14 px wider at the first row
     assert np.all(live[truth.label == CHANGED] > 160)
-    assert np.all(truth.label[:, :5] == OUTSIDE)
+    assert np.all(truth.label[:8, :8] == OUTSIDE)  # starts 10 px left of the reference
+    assert not np.any(truth.label[32:34, 4:-4] == OUTSIDE)  # by then it is back
     assert not np.any(live[truth.label == 0] > 95)
 
 
