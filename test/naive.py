@@ -40,9 +40,8 @@ def bilinear(image, v, u):
     j = min(int(u), image.shape[1] - 2)
     a, b = v - i, u - j
     f = image[i : i + 2, j : j + 2].astype(float)
-    value = (
-        f[0, 0] * (1 - a) * (1 - b) + f[0, 1] * (1 - a) * b + f[1, 0] * a * (1 - b) + f[1, 1] * a * b
-    )
+    top, bottom = f[:, 0] * (1 - b) + f[:, 1] * b
+    value = top * (1 - a) + bottom * a
     du = (1 - a) * (f[0, 1] - f[0, 0]) + a * (f[1, 1] - f[1, 0])
     dv = (1 - b) * (f[1, 0] - f[0, 0]) + b * (f[1, 1] - f[0, 1])
     return value, du, dv

@@ -5,17 +5,17 @@ from __future__ import annotations
 import logging
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.rosbag1 import ReaderError as ReaderError1
-from rosbags.rosbag2 import ReaderError as ReaderError2
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import Connection
 from rosbags.typesys import Stores, get_typestore
 
 from rsmb_ros.core.errors import BagError
@@ -57,6 +57,7 @@ class BagFrame:
 
     topic: str
     index: int  # among the messages of its topic, those that could not be read included
+    log_time_ns: int  # when it was recorded [ns]
     stamp_ns: int  # of its header [ns]
     frame_id: str
     image: np.ndarray  # (M, N) or (M, N, 3) uint8, grey or BGR
@@ -148,15 +149,28 @@ class Bag:
 
     def messages(self, *names: str) -> Iterator[tuple[str, int, Any]]:
         """Iterate over topic, log time [ns] and message of the topics `names`, by log time."""
-        wanted = {self.topic(name).name for name in names}
-        connections = [c for c in self._reader.connections if c.topic in wanted]
+        for topic, time_ns, read in self._stored(names):
+            try:
+                message = read()
+            except MalformedMessage as error:
+                raise BagError(f'{self.path}: a message of {topic} is damaged: {error}') from error
+            yield topic, time_ns, message
+
+    def cdr(self, *names: str) -> Iterator[tuple[str, int, bytes]]:
+        """
+        Iterate over topic, log time [ns] and serialised message, by log time.
+
+        Raises
+        ------
+        BagError
+            If the bag is of ROS 1, whose messages are serialised in another way.
+
+        """
+        if not self._reader.is2:
+            raise BagError(f'{self.path}: a ROS 1 bag; convert it first: rosbags-convert')
         with self._translated():
-            for connection, time_ns, data in self._reader.messages(connections):
-                yield (
-                    connection.topic,
-                    time_ns,
-                    self._reader.deserialize(data, connection.msgtype),
-                )
+            for connection, time_ns, data in self._reader.messages(self._connections(names)):
+                yield connection.topic, time_ns, bytes(data)
 
     def frames(self, *names: str) -> Iterator[BagFrame]:
         """
@@ -164,19 +178,36 @@ class Bag:
 
         An image that cannot be read is counted in `skipped` and logged as a warning.
         """
-        decode = {name: _DECODERS[self.image_topic(name).type] for name in names}
+        decode = {self.image_topic(name).name: _DECODERS[self.topic(name).type] for name in names}
         seen: Counter[str] = Counter()
-        for topic, _, message in self.messages(*names):
+        for topic, time_ns, read in self._stored(names):
             index = seen[topic]
             seen[topic] += 1
-            header = message.header
             try:
-                stamp, image = stamp_ns(header.stamp), decode[topic](message)
+                message = read()
+                stamp, image = stamp_ns(message.header.stamp), decode[topic](message)
             except MalformedMessage as error:
                 self.skipped[topic] += 1
                 _log.warning('%s: message %d of %s skipped: %s', self.path, index, topic, error)
                 continue
-            yield BagFrame(topic, index, stamp, header.frame_id, image, header)
+            header = message.header
+            yield BagFrame(topic, index, time_ns, stamp, header.frame_id, image, header)
+
+    def _stored(self, names: tuple[str, ...]) -> Iterator[tuple[str, int, Callable[[], Any]]]:
+        """Iterate over topic, log time [ns] and what deserialises the message."""
+        with self._translated():
+            for connection, time_ns, data in self._reader.messages(self._connections(names)):
+                yield connection.topic, time_ns, partial(self._message, data, connection.msgtype)
+
+    def _message(self, data: bytes, kind: str) -> Any:
+        try:
+            return self._reader.deserialize(data, kind)
+        except Exception as error:  # whatever the generated code meets in damaged data
+            raise MalformedMessage('undecodable', f'no {kind}: {error}') from error
+
+    def _connections(self, names: tuple[str, ...]) -> list[Connection]:
+        wanted = {self.topic(name).name for name in names}
+        return [c for c in self._reader.connections if c.topic in wanted]
 
     def _images(self) -> list[Topic]:
         return [t for t in self.topics if t.is_image and t.count and not _is_truth(t)]
@@ -201,7 +232,9 @@ class Bag:
                 f'{self.path}: a folder without metadata.yaml is no bag; '
                 'name the .mcap or .db3 file inside it'
             ) from error
-        except (AnyReaderError, ReaderError1, ReaderError2) as error:
+        except BagError:
+            raise
+        except Exception as error:  # besides its own, the decoders' of damaged data
             reason = str(error).rstrip('.')
             raise BagError(
                 f'{self.path}: cannot be read as a bag: {reason}; must be {FORMATS}, complete'

@@ -20,16 +20,16 @@ from rsmb_ros.messages.factory import image_fields, rows_fields
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
 METADATA = 'rsmb'  # name of the record with version and configuration
 
-# What rosbag2 writes for a publisher (numbers are those of rmw: 1 keep_last, 1 reliable,
-# 1 transient_local, 2 volatile). `ros2 bag play` offers its topics like this.
+# What rosbag2 of Jazzy writes for a publisher; `ros2 bag play` offers its topics like this. From a
+# file without metadata of its own it takes names, not the numbers of older versions.
 _QOS = """\
-- history: 1
+- history: keep_last
   depth: {depth}
-  reliability: 1
+  reliability: reliable
   durability: {durability}
   deadline: {{sec: 9223372036, nsec: 854775807}}
   lifespan: {{sec: 9223372036, nsec: 854775807}}
-  liveliness: 1
+  liveliness: automatic
   liveliness_lease_duration: {{sec: 9223372036, nsec: 854775807}}
   avoid_ros_namespace_conventions: false
 """
@@ -101,8 +101,7 @@ class BagWriter:
             Played back transient_local, so that late subscribers receive it too.
 
         """
-        kind = message.__msgtype__
-        self.write_cdr(topic, kind, _TYPES.serialize_cdr(message, kind), log_time_ns, latched)
+        self.write_cdr(topic, message.__msgtype__, serialised(message), log_time_ns, latched)
 
     def write_cdr(
         self, topic: str, kind: str, data: bytes, log_time_ns: int, latched: bool = False
@@ -117,7 +116,7 @@ class BagWriter:
             self._channels[topic],
             log_time=log_time_ns,
             publish_time=log_time_ns,
-            data=bytes(data),
+            data=data,
             sequence=self._sequence[topic],
         )
         self._sequence[topic] += 1
@@ -127,6 +126,11 @@ class BagWriter:
             text, _ = _TYPES.generate_msgdef(kind, ros_version=2)
             self._schemas[kind] = self._writer.register_schema(kind, 'ros2msg', text.encode())
         return self._schemas[kind]
+
+
+def serialised(message: Any) -> bytes:
+    """Return a message of `BagFactory`, or one read from a bag, as CDR: what travels over ROS 2."""
+    return bytes(_TYPES.serialize_cdr(message, message.__msgtype__))
 
 
 class BagFactory:
@@ -195,5 +199,5 @@ class BagFactory:
 
 
 def _channel_metadata(latched: bool) -> Mapping[str, str]:
-    depth, durability = (1, 1) if latched else (10, 2)
+    depth, durability = (1, 'transient_local') if latched else (10, 'volatile')
     return {'offered_qos_profiles': _QOS.format(depth=depth, durability=durability)}

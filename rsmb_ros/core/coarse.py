@@ -78,7 +78,8 @@ class CoarseSearch:
         for row in range(0, shape[0] - patch[0] + 1, max(1, patch[0])):
             for col in range(0, shape[1] - patch[1] + 1, max(1, patch[1])):
                 piece = small[row : row + patch[0], col : col + patch[1]]
-                if piece.std() < MIN_CONTRAST or np.any(piece.shape > np.array(self._reference.shape)):
+                too_large = np.any(np.array(piece.shape) > self._reference.shape)
+                if piece.std() < MIN_CONTRAST or too_large:
                     continue
                 scores = self._correlate(piece, (0, 0), self._reference.shape)
                 spread = cv2.dilate(scores, np.ones((2 * WOBBLE + 1,) * 2, np.uint8))

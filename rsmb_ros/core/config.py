@@ -7,7 +7,7 @@ import difflib
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 from .errors import ConfigError
 
@@ -246,7 +246,7 @@ def flatten(mapping: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
 def parameters() -> Iterator[Parameter]:
     """Iterate over every parameter, in the order of the groups."""
     for section in dataclasses.fields(Config):
-        for entry in dataclasses.fields(section.default_factory):
+        for entry in dataclasses.fields(cast(type, section.default_factory)):
             meta = entry.metadata
             yield Parameter(
                 name=f'{section.name}.{entry.name}',

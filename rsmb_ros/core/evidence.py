@@ -40,9 +40,9 @@ class NoiseTable:
     """
     Standard deviation of the residual by predicted intensity and texture.
 
-    Learned from the frame: 1.48 x median of the absolute residual per bin, so up to half of a bin may
-    be changed. Gamma makes dark pixels noisier, JPEG and misregistration textured ones; one sigma for the
-    whole frame multiplies the alarms (findings.md section 5).
+    Learned from the frame: 1.48 x median of the absolute residual per bin, so up to half of a bin
+    may be changed. Gamma makes dark pixels noisier, JPEG and misregistration textured ones; one
+    sigma for the whole frame multiplies the alarms.
     """
 
     sigma: np.ndarray  # (INTENSITY_BINS, TEXTURE_BINS) float32 [grey levels]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-WOBBLE_ROWS = 160.0  # rows per turn of the shake, a circle: constant speed, every row equally blurred
+WOBBLE_ROWS = 160.0  # rows per turn of the shake, a circle: every row is equally blurred
 DRIFT_PERIOD = 9.0  # s, of the offset's slow circle around the waypoint
 
 
@@ -28,7 +28,7 @@ class Hover:
     zoom: float = 0.003  # amplitude of the scale's difference from 1
 
     def poses(self, start: float, rows: np.ndarray) -> np.ndarray:
-        """Poses (n, 6) at `rows` (n,) row times of a frame whose first row is read at `start` [s]."""
+        """Poses (n, 6) at row times `rows` (n,) of a frame that is read from `start` [s] on."""
         time = start + rows * self.line_delay
         slow = 2 * np.pi * time / DRIFT_PERIOD + self.phase
         poses = np.empty((len(rows), 6))

@@ -2,13 +2,13 @@
 Static objects at other depths (Algorithm 1 of the report).
 
 Each object the background does not explain is rendered again with the same camera path and its
-translation scaled by a relative depth; where one depth explains a large part of it, that part was in the
-reference all along. What such an object uncovers or half covers cannot be judged.
+translation scaled by a relative depth; where one depth explains a large part of it, that part was
+in the reference all along. What such an object uncovers or half covers cannot be judged.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -59,10 +59,20 @@ class DepthSearch:
     config: LayersConfig
     change: ChangeConfig
 
-    def explain(self, blob: Blob) -> Layer | None:
-        """Return the layer that explains `blob`, None when it is a change."""
+    def explain(self, blob: Blob, known: Sequence[Layer] = ()) -> Layer | None:
+        """
+        Return the layer that explains `blob`, None when it is a change.
+
+        `known` layers come from an earlier look at the same frame: near one of them only its
+        depth and a little around it is tried.
+        """
         window, mask = self._windowed(blob)
-        depth, energy = self._best_depth(window, mask)
+        near = [layer for layer in known if _touch(window, _padded(layer.blob, self.live.shape))]
+        if near:
+            depths = np.array([layer.relative_depth for layer in near])
+        else:
+            depths = np.arange(self.config.depth_min, self.config.depth_max + 1e-9, COARSE_STEP)
+        depth, energy = self._best_depth(window, mask, depths)
         if self._parallax(blob, depth) < MIN_PARALLAX:
             return None
         if energy >= MAX_ENERGY_RATIO * self._energy(1.0, window, mask):
@@ -107,9 +117,10 @@ class DepthSearch:
         left_over = hysteresis(evidence(np.where(mask, z, np.float32(0.0))), self.change) > 0
         return Layer(Blob(mask & ~left_over, window.left, window.top), depth, share)
 
-    def _best_depth(self, window: Window, mask: np.ndarray) -> tuple[float, float]:
+    def _best_depth(
+        self, window: Window, mask: np.ndarray, depths: np.ndarray
+    ) -> tuple[float, float]:
         """Coarse-to-fine minimum of the truncated energy over the relative depth."""
-        depths = np.arange(self.config.depth_min, self.config.depth_max + 1e-9, COARSE_STEP)
         energies = [self._energy(depth, window, mask) for depth in depths]
         best = int(np.argmin(energies))
         depth, energy = float(depths[best]), energies[best]

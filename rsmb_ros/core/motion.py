@@ -1,13 +1,14 @@
 """
 Camera motion: one continuous path per frame, and the poses on it.
 
-A pose is tau = (t_x, t_y, r_z, scale, r_x, r_y) in px, px, deg, 1, deg, deg (`types.MOTION_COLUMNS`) and
-maps live pixels to reference pixels by H = K (R + T n^T / d) K^-1, R = exp of the rotation
-vector, n = (0, 0, 1), scale = 1 / (1 + T_z), t = f (T_x, T_y) scale (method.md section 2 and 5).
+A pose is tau = (t_x, t_y, r_z, scale, r_x, r_y) in px, px, deg, 1, deg, deg
+(`types.MOTION_COLUMNS`) and maps live pixels to reference pixels by H = K (R + T n^T / d) K^-1,
+R = exp of the rotation vector, n = (0, 0, 1), scale = 1 / (1 + T_z), t = f (T_x, T_y) scale
+(Eq. 2 and section 2.1.2 of the report).
 
-The path is estimated in **path coordinates** q = (a_x, a_y, rho, zeta, p_x, p_y), all in px: where the
-image centre goes, and how far rotation, zoom and the two perspective terms move a pixel at half
-the image width. They move the image independently, which t and r_x, r_y do not.
+The path is estimated in **path coordinates** q = (a_x, a_y, rho, zeta, p_x, p_y), all in px:
+where the image centre goes, and how far rotation, zoom and the two perspective terms move a pixel
+at half the image width. They move the image independently, which t and r_x, r_y do not.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 """
-Path estimator: one continuous camera path fitted to the whole frame (findings.md section 1, 2).
+Path estimator: one continuous camera path fitted to the whole frame, not rows on their own.
 
 Robust Gauss-Newton over a pyramid on the strongest gradients of the live image; unknowns are
 the control points of the path, the light, and the exposure when it is not given.
@@ -37,8 +37,8 @@ STOP_STEP = (0.015, 0.05, 0.1)  # px, rms of a step of the control points
 # the path while it is far off; a shaken camera must bend it in the end.
 STIFFNESS = ((0.1, 0.003), (10.0, 0.1), (100.0, 10.0))
 RELAXED_AFTER = 3  # iterations
-# How far an edge may be off for reasons that are not the camera, first and relaxed [px]: bounds what
-# a strong edge can say, so that one rich object does not outweigh the ground.
+# How far an edge may be off for reasons that are not the camera, first and relaxed [px]: bounds
+# what a strong edge can say, so that one rich object does not outweigh the ground.
 MISPLACED = ((0.5, 0.1), (0.5, 0.5), (0.5, 0.5))
 # How reluctantly each path coordinate bends and changes; a row alone hardly sees the tilt.
 BEND = np.array([0.1, 0.1, 0.2, 0.4, 2.0, 2.0])
@@ -227,9 +227,7 @@ class PathEstimator:
         _run_all(self._executor, run, CHUNKS)
         return _System(normal.sum(axis=0), gradient.sum(axis=0), np.abs(residuals))
 
-    def _priors(
-        self, n: int, iteration: int, free_exposure: bool, exposure: float
-    ) -> _Priors:
+    def _priors(self, n: int, iteration: int, free_exposure: bool, exposure: float) -> _Priors:
         first, last = STIFFNESS[min(n, len(STIFFNESS) - 1)]
         stiffness = first * (last / first) ** min(1.0, iteration / RELAXED_AFTER)
         light = self._config.photometric
@@ -258,9 +256,7 @@ class _Priors:
     dof: int
 
 
-def _with_priors(
-    system: _System, fit: PathFit, priors: _Priors
-) -> tuple[np.ndarray, np.ndarray]:
+def _with_priors(system: _System, fit: PathFit, priors: _Priors) -> tuple[np.ndarray, np.ndarray]:
     """Normal equations (lower triangle) and gradient with priors and fixed unknowns."""
     normal, gradient = system.normal.copy(), system.gradient.copy()
     control = fit.path.control[:, : priors.dof]

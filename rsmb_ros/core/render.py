@@ -12,6 +12,7 @@ from ._kernels.render import blur_rows, live_places
 from .motion import CameraPath
 
 CHUNKS = 8  # blocks of rows that threads share
+SMALL = 1 << 14  # px; handing out less than that takes longer than doing it
 STEP_PX = 1.0  # px the reference moves between two instants of the exposure
 
 
@@ -77,7 +78,11 @@ def blurred(
             path.grid.center, 1.0 / relative_depth, image, begins, ends,
         )  # fmt: skip
 
-    list(executor.map(run, range(CHUNKS)))
+    if height * (window.right - window.left) < SMALL:
+        for chunk in range(CHUNKS):
+            run(chunk)
+    else:
+        list(executor.map(run, range(CHUNKS)))
     column = np.arange(window.left, window.right)
     inside = slice(window.top, window.bottom)
     complete = (column >= begins[inside, None]) & (column < ends[inside, None])

@@ -22,9 +22,7 @@ class AerialScene:
     objects: tuple[Sheet, ...]  # at places where they make sense, named
 
 
-def aerial_scene(
-    shape: tuple[int, int], rng: np.random.Generator, margin: int = 80
-) -> AerialScene:
+def aerial_scene(shape: tuple[int, int], rng: np.random.Generator, margin: int = 80) -> AerialScene:
     """
     Draw a suburb seen from above, in colour.
 
@@ -153,9 +151,7 @@ def _yard(image: np.ndarray, x: int, y: int, rng: np.random.Generator) -> None:
     image[y : y + height, x : x + width] = np.clip(paving, 0, 255).astype(np.uint8)
 
 
-def _trees(
-    image: np.ndarray, count: int, rng: np.random.Generator, avoid: tuple[int, int]
-) -> None:
+def _trees(image: np.ndarray, count: int, rng: np.random.Generator, avoid: tuple[int, int]) -> None:
     """Scatter crowns with a lit and a dark side; the two roads stay free."""
     rows, cols = image.shape[:2]
     for _ in range(count):
@@ -177,9 +173,7 @@ def _shadow(image: np.ndarray, x: int, y: int, width: int, height: int) -> None:
     region[:] = (0.5 * region).astype(np.uint8)
 
 
-def _roof(
-    x: int, y: int, width: int, height: int, rng: np.random.Generator, name: str
-) -> Sheet:
+def _roof(x: int, y: int, width: int, height: int, rng: np.random.Generator, name: str) -> Sheet:
     """Return a tiled gable roof with chimney and skylights, at the height of `ROOF_DEPTH`."""
     texture = np.empty((height, width, 3), np.float32)
     texture[: height // 2] = (82, 98, 158)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -91,7 +92,7 @@ class SyntheticFlight:
                 self._scene,
                 self._present(index),
                 self._grid,
-                lambda rows, start=time: hover.poses(start, rows),
+                partial(hover.poses, time),
                 ShutterTiming(plan.exposure_rows),
                 plan.nuisances,
                 self._rng,

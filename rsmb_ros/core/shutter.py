@@ -21,7 +21,7 @@ class ShutterTiming:
     bottom_up: bool = False  # the last row is read first
 
     def middles(self, rows: int) -> np.ndarray:
-        """Middle of each row's exposure (rows,), counted so that row 0's is 0 when top-down [rows]."""
+        """Middle of each row's exposure (rows,), 0 for the first row read [rows]."""
         if not self.rolling:
             return np.full(rows, (rows - 1) / 2.0)
         times = np.arange(rows, dtype=np.float64)

@@ -2,8 +2,8 @@
 Forward model: live frames with known truth (Eq. 1-5).
 
 A scene is a background and layers at other depths, with objects that come and go. The camera moves
-in six degrees of freedom while the rows are read. Light adds up linearly, then comes the tone curve, then
-what a camera adds: gain, vignetting, noise, JPEG.
+in six degrees of freedom while the rows are read. Light adds up linearly, then comes the tone
+curve, then what a camera adds: gain, vignetting, noise, JPEG.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ def _expose(
     rows, cols = grid.live_shape
     margin = scene.margin
     background = _planar(to_linear(_with_channels(scene.background), gamma))
-    seen = np.zeros(scene.background.shape[:2] + (1,))
+    seen = np.zeros((*scene.background.shape[:2], 1))
     seen[margin : margin + scene.shape[0], margin : margin + scene.shape[1]] = 1.0
     if margin == 0:
         seen = np.pad(seen, ((1, 1), (1, 1), (0, 0)))
@@ -256,7 +256,8 @@ def _instants(path: Path, timing: ShutterTiming, rows: int) -> list[np.ndarray]:
     coarse = path((middles[:, None] + shares).ravel()).reshape(rows, 9, 6)
     moves = np.abs(np.diff(coarse, axis=1)).sum(axis=1)
     # deg and scale in pixels at about 500 px from the centre
-    length = np.hypot(moves[:, 0], moves[:, 1]) + moves[:, [2, 4, 5]].sum(axis=1) * 9 + moves[:, 3] * 500
+    turns = moves[:, [2, 4, 5]].sum(axis=1) * 9 + moves[:, 3] * 500
+    length = np.hypot(moves[:, 0], moves[:, 1]) + turns
     counts = np.maximum(1, np.ceil(length * INSTANTS_PER_PX)).astype(int)
     return [
         path(middle + ((np.arange(n) + 0.5) / n - 0.5) * timing.exposure_rows)

@@ -12,7 +12,7 @@ import numpy as np
 REGISTERED = 'registered'
 NOT_REGISTERED = 'not_registered'
 
-# Columns of `Result.row_motion` (method.md section 1: tau).
+# Columns of `Result.row_motion` (tau of the report).
 MOTION_COLUMNS = ('t_x', 't_y', 'r_z', 'scale', 'r_x', 'r_y')
 MOTION_UNITS = ('px', 'px', 'deg', '1', 'deg', 'deg')
 

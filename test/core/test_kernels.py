@@ -97,9 +97,7 @@ class _Points:
 
     def literal_residuals(self, light=LIGHT):
         found = [
-            naive.point_residual(
-                self.fine, self.path, row, column, value, self.count, light, GAMMA
-            )
+            naive.point_residual(self.fine, self.path, row, column, value, self.count, light, GAMMA)
             for row, columns, values in zip(self.rows, self.columns, self.values, strict=True)
             for column, value in zip(columns, values, strict=True)
         ]
@@ -194,7 +192,7 @@ def test_bicubic_row_is_keys_interpolation(texture_of):
 
 
 def test_strong_edges_count_no_more_than_their_place_allows(bent_path, texture_of):
-    """Weight of a point = sigma^2 / (sigma^2 + (misplaced |gradient|)^2): nothing beyond 1 / px^2."""
+    """Weight sigma^2 / (sigma^2 + (misplaced |gradient|)^2): a point says <= 1 / misplaced^2."""
     points = _Points(bent_path, texture_of, 2)
     free, _, _ = points.accumulate(sigma=1.0)
     points_capped = _Points(bent_path, texture_of, 2)

@@ -31,11 +31,11 @@ def test_pure_translation_moves_every_pixel_alike():
 def test_translation_of_a_layer_is_that_of_the_ground_over_its_depth():
     coordinates = coordinates_from_poses(np.array([[6.0, -3.0, 0, 1, 0, 0]]), GRID)
     h = homographies(coordinates, GRID, relative_depth=0.5)[0]
-    np.testing.assert_allclose(h[:2, 2], [12.0, -6.0], atol=1e-12)  # t_l / d, method.md 5.3
+    np.testing.assert_allclose(h[:2, 2], [12.0, -6.0], atol=1e-12)  # t_L / d
 
 
 def test_zoom_and_translation_of_a_layer_follow_the_report():
-    """rho = d + 1/s_L - 1, s = d / rho, t = (rho - d + 1) t_L / rho (method.md section 5)."""
+    """rho = d + 1/s_L - 1, s = d / rho, t = (rho - d + 1) t_L / rho (the report's section 2.1.2)."""
     d, s_ground, t_ground = 0.8, 1.05, 9.0
     coordinates = coordinates_from_poses(np.array([[t_ground, 0, 0, s_ground, 0, 0]]), GRID)
     h = homographies(coordinates, GRID, relative_depth=d)[0]

@@ -37,7 +37,8 @@ def strongest_gradients(image, rows, bin_width, columns, values):
 
 @njit(**OPTIONS)
 def sample_row(
-    fine, half_rows, half_columns, columns, h, row, level, center, value, g_x, g_y, u_out, v_out, inside
+    fine, half_rows, half_columns, columns, h, row, level, center,
+    value, g_x, g_y, u_out, v_out, inside,
 ):
     """
     Sample the half-pixel reference where one instant puts the points of one row.
@@ -188,8 +189,9 @@ def accumulate(
                         jacobian[at + e, p] += part * column[e, p]
         y_n = ((rows[r] + 0.5) * level - 0.5 - center[1]) / half_width
         weight_row(
-            columns[r], values[r], mean, mean_x, mean_y, inside, y_n, level, center, half_width, light, display,
-            gamma, sigma, misplaced, tukey, jacobian, active, stretch, weight, residual,
+            columns[r], values[r], mean, mean_x, mean_y, inside, y_n, level, center, half_width,
+            light, display, gamma, sigma, misplaced, tukey, jacobian, active, stretch, weight,
+            residual,
         )
         for p in range(points):
             residuals[r, p] = residual[p] if inside[p] > 0.0 else np.float32(1e9)
@@ -212,8 +214,8 @@ def accumulate(
 
 @njit(**OPTIONS)
 def weight_row(
-    columns, values, mean, mean_x, mean_y, inside, y_n, level, center, half_width, light, display, gamma, sigma,
-    misplaced, tukey, jacobian, active, stretch, weight, residual,
+    columns, values, mean, mean_x, mean_y, inside, y_n, level, center, half_width, light, display,
+    gamma, sigma, misplaced, tukey, jacobian, active, stretch, weight, residual,
 ):
     """Finish one row: photometric columns, display residual, robust weight (Tukey or Huber)."""
     for p in range(columns.size):

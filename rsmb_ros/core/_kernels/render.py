@@ -98,8 +98,8 @@ def live_places(first, last, inverses, center, rows, map_x, map_y):
     """
     Write, for reference pixels of rows first..last, where the live frame shows them.
 
-    `inverses` (M, 9) holds the inverse homography of each live row's centroid pose. The row is found by
-    fixed-point iteration between whole rows; -1e6 where it leaves the frame.
+    `inverses` (M, 9) holds the inverse homography of each live row's centroid pose. The row is
+    found by fixed-point iteration between whole rows; places may lie outside the frame.
     """
     for v in range(first, last):
         vc = v - center[3]

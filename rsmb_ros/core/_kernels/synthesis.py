@@ -20,7 +20,7 @@ def cubic(t, out):
 @njit(**OPTIONS)
 def warp_row(image, h, row, center, out):
     """
-    Write row `row` of `image` (rows, cols, channels) seen through the homography `h` (nine numbers).
+    Write row `row` of `image` (rows, cols, channels) seen through the homography `h` (9,).
 
     `center` = live centre x, y and the image's own place of the reference centre x, y. Edge values
     continue outside.

@@ -1,0 +1,1 @@
+"""The command `rsmb`: one verb a file, each with `add_arguments` and `run`."""

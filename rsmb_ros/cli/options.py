@@ -1,0 +1,124 @@
+"""Options that verbs share: the configuration from a file and from the command line."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from rsmb_ros.core.config import Config, flatten
+from rsmb_ros.core.errors import ConfigError, FileProblem
+
+# Parameters of the node that say nothing about the method.
+_NODE_ONLY = ('image_transport', 'use_sim_time', 'qos_overrides')
+_NODE = 'rsmb'
+_PARAMETERS = 'ros__parameters'
+
+
+class _Loader(yaml.SafeLoader):
+    """Reads 1e-4 as a number, as the node does; YAML 1.1 wants 1.0e-4."""
+
+
+_Loader.add_implicit_resolver(
+    'tag:yaml.org,2002:float', re.compile(r'[-+]?[0-9]+[eE][-+]?[0-9]+$'), list('-+0123456789')
+)
+
+
+def add_config_options(parser: argparse.ArgumentParser) -> None:
+    """Add ``--config`` and ``--set``."""
+    parser.add_argument(
+        '--config',
+        type=Path,
+        metavar='FILE.yaml',
+        help='parameters; the same file the node takes, only what differs is needed',
+    )
+    parser.add_argument(
+        '--set',
+        action='append',
+        default=[],
+        metavar='SECTION.KEY=VALUE',
+        help='one parameter; wins over --config; repeatable',
+    )
+
+
+def mcap_path(text: str) -> Path:
+    """Return an output bag's path, for argparse."""
+    if not text.endswith('.mcap'):
+        raise argparse.ArgumentTypeError(f'{text!r} must end in .mcap')
+    return Path(text)
+
+
+def load_config(args: argparse.Namespace) -> Config:
+    """
+    Return the configuration that `args` ask for.
+
+    Raises
+    ------
+    FileProblem
+        If the file cannot be read.
+    ConfigError
+        If it is no YAML, or a key or value is not allowed.
+
+    """
+    config = Config()
+    if args.config is not None:
+        try:
+            config = config.replaced(_read(args.config))
+        except ConfigError as error:
+            raise ConfigError(f'{args.config}: {error}') from error
+    return config.replaced(dict(_assignment(text) for text in args.set))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Return the parameters of the method in `path`, with dotted names."""
+    try:
+        content = yaml.load(path.read_text('utf-8'), _Loader)
+    except OSError as error:
+        raise FileProblem(f'{path}: cannot be read: {error.strerror}') from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ConfigError('not YAML: ' + ' '.join(str(error).split())) from error
+    if content is None:
+        return {}
+    if not isinstance(content, Mapping):
+        raise ConfigError(f'holds a {type(content).__name__}, must hold sections of parameters')
+    values = flatten(_without_node_names(content))
+    return {name: value for name, value in values.items() if name.split('.')[0] not in _NODE_ONLY}
+
+
+def _without_node_names(content: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Take off ``/**: ros__parameters:``; a file without it holds the sections themselves."""
+    nodes = dict(_nodes(content))
+    if not nodes:
+        return content
+    merged: dict[str, Any] = {}
+    for name, values in nodes.items():
+        if name.split('/')[-1] in (_NODE, '*', '**'):
+            merged.update(flatten(values or {}))
+    if not merged and not any(name.split('/')[-1] == _NODE for name in nodes):
+        raise ConfigError(f'holds parameters of {", ".join(nodes)} only; must name /** or {_NODE}')
+    return merged
+
+
+def _nodes(content: Mapping[str, Any], above: str = '') -> Iterator[tuple[str, Any]]:
+    """Iterate over full node names and their parameters; namespaces may be nested."""
+    for key, value in content.items():
+        name = f'{above}/{str(key).strip("/")}'
+        if isinstance(value, Mapping):
+            if _PARAMETERS in value:
+                yield name, value[_PARAMETERS]
+            else:
+                yield from _nodes(value, name)
+
+
+def _assignment(text: str) -> tuple[str, Any]:
+    name, equals, value = text.partition('=')
+    if not equals:
+        raise ConfigError(f'--set {text!r} must be SECTION.KEY=VALUE')
+    try:
+        return name.strip(), yaml.load(value, _Loader)
+    except yaml.YAMLError as error:
+        raise ConfigError(f'--set {text!r}: the value is not YAML') from error

@@ -1,0 +1,53 @@
+"""The reference and all that is worked out from it once."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from .photometric import luma, to_linear
+from .sampling import half_pixel
+
+
+class Reference:
+    """
+    A clean reference image, prepared on demand.
+
+    Parameters
+    ----------
+    image : ndarray of shape (M, N) or (M, N, 3), uint8
+        Grey or BGR.
+    gamma : float
+        Tone curve of the camera.
+
+    """
+
+    def __init__(self, image: np.ndarray, gamma: float) -> None:
+        self.image = image
+        self.gamma = gamma
+
+    @cached_property
+    def grey(self) -> np.ndarray:
+        """Grey levels (M, N) float32."""
+        return luma(self.image)
+
+    @cached_property
+    def linear(self) -> np.ndarray:
+        """Linear light of the grey levels (M, N) float32."""
+        return to_linear(self.grey, self.gamma)
+
+    @cached_property
+    def fine(self) -> np.ndarray:
+        """Half-pixel samples of `linear`, (2M, 2N) float32."""
+        return half_pixel(self.linear)
+
+    @cached_property
+    def fine_planes(self) -> tuple[np.ndarray, ...]:
+        """Half-pixel samples of each colour's linear light, (2M, 2N) float32 each."""
+        if self.image.ndim == 2:
+            return (self.fine,)
+        return tuple(
+            half_pixel(to_linear(self.image[..., channel].astype(np.float32), self.gamma))
+            for channel in range(self.image.shape[2])
+        )

@@ -1,0 +1,259 @@
+"""`rsmb replay`: every frame of a bag through the one detector, into another bag."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from rsmb_ros.bags.reading import Bag
+from rsmb_ros.bags.writing import BagWriter
+from rsmb_ros.cli import replay as replay_module
+from rsmb_ros.cli.images import read_image
+from rsmb_ros.core import Camera, Config, Detector
+from rsmb_ros.messages.as_json import summary_to_dict
+from rsmb_ros.messages.outputs import OUTPUTS
+
+
+def images_of(path, topic):
+    with Bag(path) as bag:
+        return {frame.stamp_ns: frame.image for frame in bag.frames(topic)}
+
+
+@pytest.fixture(scope='session')
+def expected(flight, focal_px):
+    """What the detector makes of each frame."""
+    detector = Detector(flight.reference, Camera(focal_px))
+    return [detector.detect(image) for image in flight.live]
+
+
+@pytest.fixture
+def replay(rsmb, tmp_path):
+    """Run ``rsmb replay BAG``; returns outcome and recording."""
+
+    def run(bag, *options):
+        return rsmb('replay', bag, '-o', tmp_path / 'out.mcap', *options), tmp_path / 'out.mcap'
+
+    return run
+
+
+def test_masks_are_those_of_the_detector_frame_by_frame(replay, flight, flight_bag, expected):
+    done, out = replay(flight_bag)
+    assert done.code == 0
+    for name in ('change_mask', 'valid_mask', 'registered', 'rectified'):
+        found = images_of(out, f'/rsmb/{name}')
+        assert list(found) == flight.stamps()
+        for image, result in zip(found.values(), expected, strict=True):
+            np.testing.assert_array_equal(image, getattr(result, name))
+
+
+def test_every_output_is_recorded_at_the_stamp_of_its_frame(replay, flight, flight_bag):
+    _, out = replay(flight_bag)
+    topics = [f'/rsmb/{output.name}' for output in OUTPUTS]
+    with Bag(out) as bag:
+        assert {topic.name: topic.type for topic in bag.topics} == {
+            f'/rsmb/{output.name}': output.type for output in OUTPUTS
+        }
+        for topic in topics:
+            assert [time_ns for _, time_ns, _ in bag.messages(topic)] == flight.stamps()
+        for _, time_ns, message in bag.messages('/rsmb/residual'):
+            assert (message.encoding, message.header.frame_id) == ('32FC1', 'cam')
+            assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == time_ns
+    with out.open('rb') as stream:
+        assert sum(1 for _ in make_reader(stream, validate_crcs=True).iter_messages()) > 0
+
+
+def test_summaries_are_those_of_the_detector(replay, flight_bag, expected):
+    _, out = replay(flight_bag)
+    with Bag(out) as bag:
+        messages = [message for _, _, message in bag.messages('/rsmb/regions_json')]
+    for message, result in zip(messages, expected, strict=True):
+        found, wanted = json.loads(message.data), summary_to_dict(result)
+        assert found['frame_id'] == 'cam'
+        for name in ('status', 'reason', 'regions', 'exposure_rows', 'gain'):
+            assert found[name] == wanted[name]
+
+
+def test_replay_and_detect_agree_byte_by_byte(
+    replay, rsmb, flight, flight_bag, image_files, focal_px, tmp_path
+):
+    _, out = replay(flight_bag)
+    replayed = images_of(out, '/rsmb/change_mask')
+    for index, stamp in enumerate(flight.stamps()):
+        pair = (image_files / 'reference.png', image_files / f'live_{index}.png')
+        focal = f'camera.focal_px={focal_px}'
+        assert rsmb('detect', *pair, '-o', tmp_path / 'd', '--set', focal).code == 0
+        detected = read_image(tmp_path / 'd' / 'change_mask.png')
+        assert detected.tobytes() == replayed[stamp].tobytes()
+
+
+def test_csv_has_a_line_per_region_and_per_frame_without(
+    replay, flight, flight_bag, expected, tmp_path
+):
+    replay(flight_bag, '--csv', tmp_path / 'regions.csv')
+    with (tmp_path / 'regions.csv').open(newline='') as stream:
+        lines = list(csv.DictReader(stream))
+    wanted = [
+        (index, stamp, region)
+        for index, (stamp, result) in enumerate(zip(flight.stamps(), expected, strict=True))
+        for region in result.regions or (None,)
+    ]
+    assert len(lines) == len(wanted)
+    for line, (index, stamp, region) in zip(lines, wanted, strict=True):
+        assert (line['frame'], line['stamp_ns']) == (str(index), str(stamp))
+        assert line['status'] == 'registered'
+        if region is None:
+            assert line['kind'] == line['x'] == line['score'] == ''
+        else:
+            assert line['kind'] == region.kind
+            box = [int(line[name]) for name in ('x', 'y', 'width', 'height', 'area')]
+            assert box == [region.x, region.y, region.width, region.height, region.area]
+            assert float(line['score']) == pytest.approx(region.score)
+
+
+def test_report_shows_the_frames(replay, flight_bag, tmp_path):
+    done, _ = replay(flight_bag, '--report', tmp_path / 'report.html')
+    page = (tmp_path / 'report.html').read_text()
+    assert done.code == 0
+    assert 'Replay of flight.mcap' in page
+    assert page.count('what changed, frame') == 4
+
+
+def test_one_line_says_what_came_out_and_a_pipe_stays_quiet(replay, flight_bag):
+    done, out = replay(flight_bag)
+    assert done.out.count('\n') == 1
+    assert 'frames: 4' in done.out
+    assert 'registered: 4' in done.out
+    assert str(out) in done.out
+    assert done.err == ''
+
+
+def test_configuration_is_used_and_kept_in_the_recording(replay, flight_bag):
+    _, out = replay(flight_bag, '--set', 'registration.min_agreement=1.0')
+    with out.open('rb') as stream:
+        (record,) = make_reader(stream).iter_metadata()
+    config = Config.from_mapping(json.loads(record.metadata['config']))
+    assert config.registration.min_agreement == 1.0
+    with Bag(out) as bag:
+        states = {json.loads(m.data)['status'] for _, _, m in bag.messages('/rsmb/regions_json')}
+    assert 'not_registered' in states
+
+
+def test_reference_may_be_a_file(replay, flight_bag, image_files, expected):
+    done, out = replay(flight_bag, '--reference', image_files / 'reference.png')
+    assert done.code == 0
+    masks = images_of(out, '/rsmb/change_mask').values()
+    for mask, result in zip(masks, expected, strict=True):
+        np.testing.assert_array_equal(mask, result.change_mask)
+
+
+def test_a_newer_reference_takes_over(replay, flight, tmp_path, factory):
+    path = tmp_path / 'two.mcap'
+    series = [
+        ('/reference/image', flight.reference),
+        ('/image', flight.live[2]),
+        ('/reference/image', flight.live[2]),
+        ('/image', flight.live[2]),
+    ]
+    with BagWriter(path) as bag:
+        for time, (topic, image) in enumerate(series, 1):
+            bag.write(topic, factory.image(factory.header(time, ''), image), time)
+    _, out = replay(path)
+    first, second = images_of(out, '/rsmb/change_mask').values()
+    assert first.any()
+    assert not second.any()
+
+
+def test_unreadable_frame_is_skipped_with_a_warning(replay, flight, tmp_path, factory, caplog):
+    path = tmp_path / 'some.mcap'
+    with BagWriter(path) as bag:
+        for time, image in enumerate((flight.reference, flight.live[0], flight.live[1])):
+            topic = '/image' if time else '/reference/image'
+            bag.write(topic, factory.image(factory.header(time, ''), image), time)
+        tiny = factory.image(factory.header(3, ''), np.zeros((8, 8), np.uint8))
+        bag.write('/image', tiny, 3)
+        tiny.step = 2
+        bag.write('/image', tiny, 4)
+    done, out = replay(path)
+    assert done.code == 0
+    assert list(images_of(out, '/rsmb/change_mask')) == [1, 2]
+    assert 'frames: 2, 2 more could not be read' in done.out
+    told = [record.getMessage() for record in caplog.records]
+    assert ['frame 2 of /image' in told[0], 'message 3 of /image' in told[1]] == [True, True]
+
+
+def test_interrupted_replay_leaves_a_readable_bag(replay, flight_bag, monkeypatch, tmp_path):
+    class Interrupted(Detector):
+        calls = 0
+
+        def detect(self, live):
+            Interrupted.calls += 1
+            if Interrupted.calls == 3:
+                raise KeyboardInterrupt
+            return super().detect(live)
+
+    monkeypatch.setattr(replay_module, 'Detector', Interrupted)
+    done, out = replay(flight_bag, '--csv', tmp_path / 'r.csv', '--report', tmp_path / 'r.html')
+    assert done.code == 130
+    assert len(images_of(out, '/rsmb/change_mask')) == 2
+    assert len((tmp_path / 'r.csv').read_text().splitlines()) >= 3
+    assert '</html>' in (tmp_path / 'r.html').read_text()
+
+
+# -- bad input ---------------------------------------------------------------------------------
+
+
+def test_missing_bag_is_named(replay, tmp_path):
+    done, out = replay(tmp_path / 'gone.mcap')
+    assert done.code == 1
+    assert done.err.startswith(f'rsmb: error: {tmp_path / "gone.mcap"}: no such file or folder')
+    assert not out.exists()
+
+
+def test_empty_bag_is_named(replay, tmp_path):
+    with BagWriter(tmp_path / 'empty.mcap'):
+        pass
+    done, out = replay(tmp_path / 'empty.mcap')
+    assert (done.code, out.exists()) == (1, False)
+    assert 'empty.mcap: the bag has no messages' in done.err
+
+
+def test_absent_topic_lists_those_of_the_bag(replay, flight_bag):
+    done, out = replay(flight_bag, '--topic', '/front/image')
+    assert (done.code, out.exists()) == (1, False)
+    assert 'topic /front/image is not in the bag; it has ' in done.err
+    assert '/image/compressed (sensor_msgs/msg/CompressedImage, 4 messages)' in done.err
+
+
+def test_reference_that_is_neither_file_nor_topic_is_told(replay, flight_bag):
+    done, _ = replay(flight_bag, '--reference', 'tile.png')
+    assert done.code == 1
+    assert '--reference tile.png is neither a file nor a topic' in done.err
+
+
+def test_one_topic_for_both_is_wrong_usage(replay, flight_bag):
+    topic = '/image/compressed'
+    done, _ = replay(flight_bag, '--reference', topic, '--topic', topic)
+    assert done.code == 2
+    assert f'--topic and --reference are both {topic}' in done.err
+
+
+def test_bag_is_never_written_over_itself(rsmb, flight_bag):
+    before = flight_bag.read_bytes()
+    done = rsmb('replay', flight_bag, '-o', flight_bag)
+    assert done.code == 2
+    assert 'is the bag to be read; choose another name' in done.err
+    assert flight_bag.read_bytes() == before
+
+
+def test_output_must_be_an_mcap(rsmb, flight_bag, tmp_path):
+    done = rsmb('replay', flight_bag, '-o', tmp_path / 'out.bag')
+    assert done.code == 2
+    assert 'must end in .mcap' in done.err
+
+
+def test_output_in_a_missing_folder_is_named(rsmb, flight_bag, tmp_path):
+    done = rsmb('replay', flight_bag, '-o', tmp_path / 'gone' / 'out.mcap')
+    assert done.code == 1
+    assert 'gone/out.mcap: cannot be written: No such file or directory' in done.err
