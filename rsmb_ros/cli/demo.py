@@ -22,6 +22,7 @@ from rsmb_ros.core.errors import BagError, FileProblem, RsmbError
 
 from .demo_report import print_tables, read_truth, write_pictures
 from .images import output_folder
+from .interrupt import Interrupt
 from .options import add_config_options, load_config
 
 if TYPE_CHECKING:
@@ -151,9 +152,10 @@ def _perform(script: _Script, config: Config, folder: Path) -> Answers:
         writer = stack.enter_context(BagWriter(folder / 'demo.mcap', config))
         arguments = _node_arguments(config, script.compressed, scratch)
         process = stack.enter_context(NodeProcess(arguments, folder / 'node.log'))
-        playback = stack.enter_context(closing(Playback(process, writer, script.compressed)))
-        process.wait_for_log('kernels compiled', READY_S)
-        playback.wait_until_ready()
+        interrupt = stack.enter_context(Interrupt())
+        playback = Playback(process, writer, script.compressed, interrupt.check)
+        stack.enter_context(closing(playback))
+        playback.wait_until_ready(READY_S)
         script.perform(playback, writer)
         playback.wait_for_answers(ALL_ANSWERS_S)
         process.stop(EXIT_S)

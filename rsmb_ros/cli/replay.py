@@ -25,6 +25,7 @@ from rsmb_ros.report.html import Report
 from rsmb_ros.report.overlay import describe, draw_overlay
 
 from .images import read_image
+from .interrupt import Interrupt
 from .options import add_config_options, load_config, mcap_path
 from .progress import progress
 
@@ -91,7 +92,9 @@ def run(args: argparse.Namespace) -> int:
             report = Report(f'Replay of {args.bag.name}', live.count)
             sinks.append(_to_report(report))
             stack.callback(lambda: report.write(args.report, summary.values(bag)))
+        interrupt = stack.enter_context(Interrupt())
         for result in progress(chain([first], results), live.count, live.name):
+            interrupt.check()
             for sink in sinks:
                 sink(*result)
     print(f'{summary.line(bag)} -> {args.output}')

@@ -10,6 +10,7 @@ import threading
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
+from typing import IO
 
 from rsmb_ros.core.errors import RsmbError
 
@@ -38,12 +39,10 @@ class NodeProcess:
         command = [sys.executable, '-m', 'rsmb_ros.ros.main', '--ros-args', *ros_args]
         self._log = log
         self._lines: list[str] = []
-        self._ended = False
-        self._changed = threading.Condition()
         self._process = subprocess.Popen(
             command, stderr=subprocess.PIPE, text=True, errors='replace'
         )
-        self._reader = threading.Thread(target=self._read, name='node_log')
+        self._reader = threading.Thread(target=self._read, args=[self._process.stderr])
         self._reader.start()
 
     def __enter__(self) -> NodeProcess:
@@ -62,28 +61,15 @@ class NodeProcess:
             self._process.kill()
             self._process.wait()
         self._reader.join()
-        self._process.stderr.close()  # type: ignore[union-attr]  # a pipe: see __init__
 
-    def wait_for_log(self, pattern: str, timeout_s: float) -> None:
-        """Return once a line of the log matches `pattern`; else `NodeProblem`."""
-
-        def found() -> bool:
-            return any(re.search(pattern, line) for line in self._lines)
-
-        with self._changed:
-            self._changed.wait_for(lambda: found() or self._ended, timeout_s)
-            if found():
-                return
-        if self._ended:
-            self._process.wait(_END_S)  # its log is closed, so it is about to
-        self.check_alive()
-        raise NodeProblem(f'the node did not say {pattern!r} in {timeout_s:g} s; {self._tail()}')
+    def said(self, pattern: str) -> bool:
+        """Return whether a line of the log matches `pattern`."""
+        return any(re.search(pattern, line) for line in list(self._lines))
 
     def check_alive(self) -> None:
-        """Raise `NodeProblem` if the node has ended by itself."""
+        """Raise `NodeProblem` if the node has ended."""
         code = self._process.poll()
         if code is not None:
-            self._reader.join()
             raise NodeProblem(f'the node ended with exit code {code}; {self._tail()}')
 
     def stop(self, timeout_s: float) -> None:
@@ -94,23 +80,19 @@ class NodeProcess:
             code = self._process.wait(timeout_s)
         except subprocess.TimeoutExpired as error:
             raise NodeProblem(
-                f'the node did not end within {timeout_s:g} s of SIGINT; {self._tail()}'
+                f'the node did not end within {timeout_s:g} s of SIGINT; see {self._log}'
             ) from error
         if code != 0:
-            self._reader.join()
             raise NodeProblem(f'the node ended with exit code {code} on SIGINT; {self._tail()}')
 
-    def _read(self) -> None:
-        with self._log.open('w') as log:
-            for line in self._process.stderr or ():
+    def _read(self, stream: IO[str]) -> None:
+        with stream, self._log.open('w') as log:
+            for line in stream:
                 log.write(line)
                 log.flush()
-                with self._changed:
-                    self._lines.append(line.rstrip())
-                    self._changed.notify_all()
-        with self._changed:
-            self._ended = True
-            self._changed.notify_all()
+                self._lines.append(line.rstrip())
 
     def _tail(self) -> str:
+        """Return the end of the log of a node that has ended."""
+        self._reader.join()
         return f'see {self._log}: ' + ' | '.join(self._lines[-_TAIL:])

@@ -61,11 +61,20 @@ class Playback:
         Receives everything that is played and answered, with the time of the wall clock.
     compressed : bool
         Images travel as CompressedImage.
+    check : callable
+        Called all the time; ends the playback by an exception.
 
     """
 
-    def __init__(self, process: NodeProcess, writer: BagWriter, compressed: bool) -> None:
+    def __init__(
+        self,
+        process: NodeProcess,
+        writer: BagWriter,
+        compressed: bool,
+        check: Callable[[], None],
+    ) -> None:
         self.answers = Answers()
+        self._check = check
         self._process = process
         self._writer = writer
         self._kind = COMPRESSED if compressed else IMAGE
@@ -87,8 +96,9 @@ class Playback:
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
 
-    def wait_until_ready(self) -> None:
-        """Wait until the node hears us and we hear every output of it."""
+    def wait_until_ready(self, timeout_s: float) -> None:
+        """Wait until the node is compiled, hears us, and we hear every output of it."""
+        self._wait_until(lambda: self._process.said('kernels compiled'), 'kernels', timeout_s)
         self._wait_until(lambda: bool(self._state), 'diagnostics')
         self._wait_until(
             lambda: all(p.get_subscription_count() for p in self._publish_to.values()),
@@ -113,8 +123,7 @@ class Playback:
     def spin_until(self, moment_s: float) -> None:
         """Take what comes until ``time.monotonic()`` is `moment_s`."""
         while (left := moment_s - time.monotonic()) > 0:
-            self._process.check_alive()
-            self._executor.spin_once(timeout_sec=min(left, _POLL_S))
+            self._spin_once(min(left, _POLL_S))
 
     def wait_for_answers(self, timeout_s: float) -> None:
         """Wait until the node has no frame left and every output of every frame has come."""
@@ -193,13 +202,17 @@ class Playback:
     ) -> None:
         deadline = time.monotonic() + timeout_s
         while not done():
-            self._process.check_alive()
             if time.monotonic() > deadline:
                 raise NodeProblem(
                     f'no {what} in {timeout_s:g} s; received {self._received}, '
                     f'the node says {self._said()}'
                 )
-            self._executor.spin_once(timeout_sec=_POLL_S)
+            self._spin_once(_POLL_S)
+
+    def _spin_once(self, timeout_s: float) -> None:
+        self._check()
+        self._process.check_alive()
+        self._executor.spin_once(timeout_sec=timeout_s)
 
     def _said(self) -> str:
         return repr(self._state.get('message', 'nothing'))

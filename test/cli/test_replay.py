@@ -2,6 +2,7 @@
 
 import csv
 import json
+import signal
 
 import numpy as np
 import pytest
@@ -199,6 +200,25 @@ def test_interrupted_replay_leaves_a_readable_bag(replay, flight_bag, monkeypatc
     assert len(images_of(out, '/rsmb/change_mask')) == 2
     assert len((tmp_path / 'r.csv').read_text().splitlines()) >= 3
     assert '</html>' in (tmp_path / 'r.html').read_text()
+
+
+def test_ctrl_c_waits_for_the_frame_in_work(replay, flight_bag, monkeypatch):
+    class Signalled(Detector):
+        calls = 0
+
+        def detect(self, live):
+            Signalled.calls += 1
+            if Signalled.calls == 3:
+                signal.raise_signal(signal.SIGINT)
+            return super().detect(live)
+
+    monkeypatch.setattr(replay_module, 'Detector', Signalled)
+    before = signal.getsignal(signal.SIGINT)
+    done, out = replay(flight_bag)
+    assert done.code == 130
+    assert Signalled.calls == 3
+    assert [len(images_of(out, f'/rsmb/{name}')) for name in ('overlay', 'valid_mask')] == [2, 2]
+    assert signal.getsignal(signal.SIGINT) is before
 
 
 # -- bad input ---------------------------------------------------------------------------------

@@ -297,3 +297,15 @@ def test_stream_may_change_its_size(texture):
     assert [result.status for result in (first, second)] == ['registered'] * 2
     np.testing.assert_allclose(np.median(second.row_motion[:, 0]), -10.0, atol=0.2)
     np.testing.assert_allclose(np.median(second.row_motion[:, 1]), 0.0, atol=0.2)
+
+
+def test_results_do_not_depend_on_where_arrays_lie(texture):
+    """Equal input, equal bits: memory that is laid out differently must not reorder a sum."""
+    found = case(texture)
+    hold, results = [], []
+    for n in range(4):
+        hold.append([np.empty(1001 * n + 7, np.uint8) for _ in range(5 * n)])
+        results.append(Detector(found.reference.copy(), CAMERA).detect(found.live.copy()))
+    for other in results[1:]:
+        np.testing.assert_array_equal(results[0].residual, other.residual)
+        np.testing.assert_array_equal(results[0].row_motion, other.row_motion)

@@ -35,7 +35,7 @@ def test_translation_of_a_layer_is_that_of_the_ground_over_its_depth():
 
 
 def test_zoom_and_translation_of_a_layer_follow_the_report():
-    """rho = d + 1/s_L - 1, s = d / rho, t = (rho - d + 1) t_L / rho (the report's section 2.1.2)."""
+    """Section 2.1.2: rho = d + 1/s_L - 1, s = d / rho, t = (rho - d + 1) t_L / rho."""
     d, s_ground, t_ground = 0.8, 1.05, 9.0
     coordinates = coordinates_from_poses(np.array([[t_ground, 0, 0, s_ground, 0, 0]]), GRID)
     h = homographies(coordinates, GRID, relative_depth=d)[0]

@@ -199,9 +199,11 @@ def accumulate(
         base = knot0 * dof
         for m in range(total):
             gm = base + m if m < active else extra + m - active
-            total_g = np.float32(0.0)
+            # two loops: a sum beside a store adds up in an order that depends on where arrays lie
             for p in range(points):
                 weighted[p] = jacobian[m, p] * weight[p]
+            total_g = np.float32(0.0)
+            for p in range(points):
                 total_g += weighted[p] * residual[p]
             gradient[gm] += total_g
             for n in range(m + 1):
