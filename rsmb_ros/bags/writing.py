@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -198,6 +197,6 @@ class BagFactory:
         return _TYPES.types[kind](**fields)
 
 
-def _channel_metadata(latched: bool) -> Mapping[str, str]:
+def _channel_metadata(latched: bool) -> dict[str, str]:
     depth, durability = (1, 'transient_local') if latched else (10, 'volatile')
     return {'offered_qos_profiles': _QOS.format(depth=depth, durability=durability)}

@@ -14,7 +14,6 @@ from .path_estimator import PathFit
 from .photometric import to_display
 from .reference import Reference
 from .render import Window, blurred, rectified
-from .sampling import half_pixel
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
 SATURATED = 254.0  # grey levels; both images at the limit say nothing about each other
@@ -51,30 +50,27 @@ class RegisteredFrame:
         self._live = live
         self._executor = executor
         self._fronts: list[Front] = []
-        self.predicted, self.complete = self.render(1.0, self._whole)
+        self.predicted, self.complete = self.render(1.0, Window(0, grey.shape[0], 0, grey.shape[1]))
         self.residual = grey - self.predicted
         edge = cv2.copyMakeBorder(self.complete.astype(np.uint8), *[1] * 4, cv2.BORDER_CONSTANT)
         inner = cv2.erode(edge, np.ones((BORDER, BORDER), np.uint8))[1:-1, 1:-1] > 0
         self.judged = inner & ~((grey >= SATURATED) & (self.predicted >= SATURATED))
 
-    @property
-    def _whole(self) -> Window:
-        rows, cols = self.grey.shape
-        return Window(0, rows, 0, cols)
-
     def foreground(self, layers: list[Layer]) -> np.ndarray:
         """Where `layers` hide the background or may do so (M, N) bool."""
-        found = fronts(layers, self.fit.path, self._render_cover)
-        return np.any([front.inside | front.edge for front in found], axis=0)
+        mask = np.zeros(self.grey.shape, bool)
+        for front in fronts(layers, self.fit.path, self._executor):
+            mask[front.window.box] |= front.inside | front.edge
+        return mask
 
     def put_in_front(self, layers: list[Layer]) -> None:
         """Composite static objects over the background; their edges are no longer judged."""
-        self._fronts = fronts(layers, self.fit.path, self._render_cover)
+        self._fronts = fronts(layers, self.fit.path, self._executor)
         for front in self._fronts:
-            own, complete = self.render(front.relative_depth, self._whole)
+            own, complete = self.render(front.relative_depth, front.window)
             inside = front.inside & complete
-            self.predicted[inside] = own[inside]
-            self.judged = self.judged & ~front.edge
+            self.predicted[front.window.box][inside] = own[inside]
+            self.judged[front.window.box] &= ~front.edge
         self.residual = self.grey - self.predicted
 
     @cached_property
@@ -92,11 +88,6 @@ class RegisteredFrame:
     ) -> tuple[np.ndarray, np.ndarray]:
         return blurred(fine, self.fit.path, self._executor, depth, window)
 
-    def _render_cover(self, cover: np.ndarray, depth: float) -> np.ndarray:
-        """Share of the exposure that a mask on the reference's grid covers each live pixel."""
-        image, _ = self._blurred(half_pixel(cover), depth)
-        return np.clip(image, 0.0, 1.0)
-
     def registered(self) -> np.ndarray:
         """Return the reference as the live camera would have seen it, uint8."""
         if self._reference.image.ndim == 2:
@@ -111,9 +102,9 @@ class RegisteredFrame:
         """Linear light of one plane of the reference, layers in front (M, N) float32."""
         image, _ = self._blurred(fine)
         for front in self._fronts:
-            own, complete = self._blurred(fine, front.relative_depth)
+            own, complete = self._blurred(fine, front.relative_depth, front.window)
             inside = front.inside & complete
-            image[inside] = own[inside]
+            image[front.window.box][inside] = own[inside]
         return image
 
     def rectified(self) -> np.ndarray:

@@ -8,7 +8,9 @@ in the reference all along. What such an object uncovers or half covers cannot b
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import cv2
@@ -17,7 +19,8 @@ import numpy as np
 from .config import ChangeConfig, LayersConfig
 from .evidence import evidence
 from .motion import CameraPath
-from .render import Window
+from .render import Window, blurred
+from .sampling import half_pixel
 from .segmentation import Blob, hysteresis
 
 COARSE_STEP = 0.05
@@ -34,7 +37,7 @@ SURE_SHARE = 0.5  # ... unless this share is explained
 MAX_ENERGY_RATIO = 0.85  # of the energy at the background's depth
 GAP = 0.04  # of the width: gaps in an object's outline that still belong to it
 EDGE = 9  # px: an object's outline is known to half of this
-RIM_LOW, RIM_HIGH = 0.02, 0.98  # share of the exposure that makes a pixel a rim
+RIM = 0.02  # share of the exposure that makes a pixel a rim
 
 Render = Callable[[float, Window], tuple[np.ndarray, np.ndarray]]
 
@@ -157,45 +160,52 @@ class Front:
     """What hides the background at one depth."""
 
     relative_depth: float
-    inside: np.ndarray  # (M, N) bool, surely covered during the whole exposure
-    edge: np.ndarray  # (M, N) bool, perhaps covered, or uncovered: cannot be judged
+    window: Window  # the two masks' part of the live frame
+    inside: np.ndarray  # bool, surely covered during the whole exposure
+    edge: np.ndarray  # bool, perhaps covered, or uncovered: cannot be judged
 
 
-def fronts(
-    layers: list[Layer],
-    path: CameraPath,
-    render_cover: Callable[[np.ndarray, float], np.ndarray],
-) -> list[Front]:
-    """
-    Find where static objects hide the background, farthest first.
-
-    `render_cover` renders a mask on the reference's grid, float32 0..1, at a depth.
-    """
-    found = []
-    for depth in sorted({layer.relative_depth for layer in layers}, reverse=True):
-        pieces = [layer for layer in layers if layer.relative_depth == depth]
-        wide, core = _covers_in_reference(pieces, path)
-        inside = render_cover(core, depth) > RIM_HIGH
-        touched = (render_cover(wide, depth) > RIM_LOW) | (render_cover(wide, 1.0) > RIM_LOW)
-        found.append(Front(depth, inside, touched & ~inside))
-    return found
+def fronts(layers: Sequence[Layer], path: CameraPath, executor: Executor) -> list[Front]:
+    """Find where static objects hide the background of a live frame, farthest first."""
+    depths = sorted({layer.relative_depth for layer in layers}, reverse=True)
+    return [
+        _front([layer for layer in layers if layer.relative_depth == depth], path, executor)
+        for depth in depths
+    ]
 
 
-def _covers_in_reference(pieces: list[Layer], path: CameraPath) -> tuple[np.ndarray, np.ndarray]:
-    """Where a layer may lie in the reference and where it surely does, (rows, cols) float32 0/1."""
+def _front(pieces: list[Layer], path: CameraPath, executor: Executor) -> Front:
+    """Render where pieces at one depth surely and perhaps are."""
+    depth = pieces[0].relative_depth
+    cover = half_pixel(_cover_in_reference(pieces, path))
+    parallax = np.abs(path.row_centroids()[:, :2]).max() * abs(1.0 / depth - 1.0)
+    window = _around(pieces, path.grid.live_shape, math.ceil(parallax) + _gaps(path) + EDGE)
+    own, _ = blurred(cover, path, executor, depth, window)
+    uncovered, _ = blurred(cover, path, executor, 1.0, window)
+    inside = own > 1.0 - RIM / 2
+    edge = ((own > RIM / 2) | (uncovered > RIM / 2)) & ~inside
+    return Front(depth, window, inside, edge)
+
+
+def _gaps(path: CameraPath) -> int:
+    return max(3, round(GAP * path.grid.reference_shape[1]))
+
+
+def _cover_in_reference(pieces: list[Layer], path: CameraPath) -> np.ndarray:
+    """1 where a layer surely lies in the reference, 1/2 where it may (rows, cols) float32."""
     rows, cols = path.grid.reference_shape
     cover = np.zeros((rows, cols), np.uint8)
     for layer in pieces:
         for u, v in _reference_places(layer, path):
             inside = (u >= 0) & (v >= 0) & (u < cols) & (v < rows)
             cover[v[inside], u[inside]] = 1
-    gaps = max(3, round(GAP * cols))
+    gaps = _gaps(path)
     cover = cv2.copyMakeBorder(cover, *[gaps] * 4, cv2.BORDER_CONSTANT, value=0)
     cover = cv2.morphologyEx(cover, cv2.MORPH_CLOSE, np.ones((gaps, gaps), np.uint8))
     cover = cover[gaps:-gaps, gaps:-gaps]
-    edge = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (EDGE, EDGE))
-    wide, core = cv2.dilate(cover, edge), cv2.erode(cover, edge)
-    return wide.astype(np.float32), core.astype(np.float32)
+    outline = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (EDGE, EDGE))
+    sure, perhaps = cv2.erode(cover, outline), cv2.dilate(cover, outline)
+    return (sure.astype(np.float32) + perhaps) / np.float32(2.0)
 
 
 def _reference_places(layer: Layer, path: CameraPath) -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -215,13 +225,24 @@ def _reference_places(layer: Layer, path: CameraPath) -> Iterator[tuple[np.ndarr
         )
 
 
-def _padded(blob: Blob, shape: tuple[int, ...]) -> Window:
+def _padded(blob: Blob, shape: tuple[int, ...], pad: int = PAD) -> Window:
     height, width = blob.mask.shape
     return Window(
-        max(0, blob.y - PAD),
-        min(shape[0], blob.y + height + PAD),
-        max(0, blob.x - PAD),
-        min(shape[1], blob.x + width + PAD),
+        max(0, blob.y - pad),
+        min(shape[0], blob.y + height + pad),
+        max(0, blob.x - pad),
+        min(shape[1], blob.x + width + pad),
+    )
+
+
+def _around(pieces: Sequence[Layer], shape: tuple[int, ...], pad: int) -> Window:
+    """Smallest window with `pad` px around all pieces."""
+    windows = [_padded(piece.blob, shape, pad) for piece in pieces]
+    return Window(
+        min(window.top for window in windows),
+        max(window.bottom for window in windows),
+        min(window.left for window in windows),
+        max(window.right for window in windows),
     )
 
 

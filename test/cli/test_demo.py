@@ -1,16 +1,18 @@
 """`rsmb demo`: the real node over real topics, recorded, scored, shown."""
 
 import importlib.util
-import json
 import os
 import re
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 import rsmb_ros
 from rsmb_ros.bags.reading import Bag
@@ -152,15 +154,54 @@ def test_node_stops_with_0_and_its_end_is_noticed(start_node, tmp_path):
     assert 'ready: ' in (tmp_path / 'node.log').read_text()
 
 
-def playing(flight_bag, environment, folder):
-    """Start a slow demo and return it once a frame was answered."""
-    command = [sys.executable, '-m', 'rsmb_ros.cli.main', 'demo', '--rate', '0.2']
-    options = ['--bag', str(flight_bag), '-o', str(folder)]
-    process = subprocess.Popen(
+@pytest.fixture
+def running_demo(flight_bag, environment, tmp_path):
+    """Start a slow demo and wait until its node runs; returns process and folder."""
+    pytest.importorskip('rclpy')
+    command = [sys.executable, '-m', 'rsmb_ros.cli.main', 'demo', '--rate', '0.1']
+    options = ['--bag', str(flight_bag), '-o', str(tmp_path)]
+    log = tmp_path / 'node.log'
+    with subprocess.Popen(
         command + options, env=environment, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            wait_until(
+                lambda: log.exists() and 'kernels compiled' in log.read_text(),
+                DEMO_S,
+                'compiled node',
+            )
+            yield process, tmp_path
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait(30.0)
+
+
+def children_of(process):
+    return Path(f'/proc/{process.pid}/task/{process.pid}/children').read_text().split()
+
+
+def test_ctrl_c_ends_demo_and_node_and_leaves_a_whole_recording(running_demo):
+    process, folder = running_demo
+    (node,) = children_of(process)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=30.0)
+    assert (process.returncode, errors) == (
+        130,
+        'rsmb: error: interrupted; what was finished is kept\n',
     )
-    part = folder / 'demo.mcap.part'
-    return process, part
+    assert not Path('/proc', node).exists()
+    with (folder / 'demo.mcap').open('rb') as stream:
+        assert list(make_reader(stream, validate_crcs=True).iter_metadata())
+
+
+def test_node_that_ends_while_it_is_played_to_is_told(running_demo):
+    process, folder = running_demo
+    (node,) = children_of(process)
+    os.kill(int(node), signal.SIGTERM)
+    _, errors = process.communicate(timeout=30.0)
+    assert process.returncode == 1
+    assert f'the node ended with exit code 0; see {folder / "node.log"}: ' in errors
+    assert (folder / 'demo.mcap').exists()
 
 
 # -- bad input, told before a node is started ----------------------------------------------------
@@ -253,11 +294,3 @@ def test_numbers_are_of_the_frames_that_were_processed():
 def test_bag_without_truth_has_no_score():
     assert 'other regions (false alarms)' not in summary_of(Answers, {})
     assert object_table(Answers, {}).rows == []
-
-
-def test_truth_is_that_recorded_with_the_frame(flight, flight_bag):
-    with Bag(flight_bag) as bag:
-        truth = read_truth(bag, '/image/compressed')
-        scenes = [json.loads(message.data) for _, _, message in bag.messages('/truth/scene')]
-    assert list(truth) == flight.stamps()
-    assert [bool(objects) for objects in truth.values()] == [bool(s['objects']) for s in scenes]
