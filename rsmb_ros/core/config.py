@@ -128,7 +128,7 @@ class ChangeConfig:
     """From residual to regions."""
 
     threshold_high: float = _number(
-        4.0, 'sigma', 1.0, 50.0, 'evidence that starts a region; higher = fewer alarms'
+        5.0, 'sigma', 1.0, 50.0, 'evidence that starts a region; higher = fewer alarms'
     )
     threshold_low: float = _number(
         2.2, 'sigma', 0.5, 50.0, 'evidence a region grows over; must be below threshold_high'

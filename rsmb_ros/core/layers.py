@@ -24,7 +24,7 @@ from .sampling import half_pixel
 from .segmentation import Blob, hysteresis
 
 COARSE_STEP = 0.05
-FINE_STEPS = (0.025, 0.0125, 0.006)
+FINE_STEPS = (0.025, 0.0125, 0.006, 0.003, 0.0015)
 PAD = 6  # px around an object that is rendered with it
 UNSEEN_Z = 9.0  # normalised residual of a pixel that a depth cannot show
 MAX_Z2 = 16.0  # truncation of the energy that depths are compared by
