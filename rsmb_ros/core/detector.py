@@ -34,6 +34,9 @@ from .types import NOT_REGISTERED, REGISTERED, Region, Result
 MIN_SIZE = 32  # px, smaller frames hold nothing to register by
 MIN_CONTRAST = 1.5  # grey levels; an image flatter than this has no texture
 
+# Share of the frame that must misfit before the path is fitted again without it: an object whose
+# texture outdoes the ground's has bent the path, and no single depth then explains it.
+LARGE_MISFIT = 0.005
 _BLAS = ThreadpoolController()
 
 
@@ -121,15 +124,27 @@ class Detector:
         if self.config.layers.enabled and seen.mask.any():
             with clock.step('layers'):
                 layers = self._layers(frame, seen)
-        if layers:
-            # what is known to stand at another depth must not have bent the path
+        foreground = self._foreground(frame, seen, layers)
+        if foreground.any():
+            # what is known not to be ground must not have bent the path
             with clock.step('refine'):
-                fit = estimator.refine(linear, fit, frame.foreground(layers))
+                fit = estimator.refine(linear, fit, foreground)
                 frame = RegisteredFrame(self._reference, live, grey, fit, self._executor)
-                layers = self._layers(frame, self._evidence(frame), layers)
+                seen = self._evidence(frame)
+        if layers or (foreground.any() and self.config.layers.enabled):
+            with clock.step('layers again'):
+                layers = self._layers(frame, seen, layers)
                 frame.put_in_front(layers)
                 seen = self._evidence(frame)
         return self._registered(frame, seen, layers, clock)
+
+    @staticmethod
+    def _foreground(frame: RegisteredFrame, seen: _Evidence, layers: list[Layer]) -> np.ndarray:
+        """Where the frame shows no ground for sure (M, N) bool: static objects, large misfits."""
+        mask = frame.foreground(layers)
+        if seen.mask.mean() > LARGE_MISFIT:
+            mask |= seen.mask > 0
+        return mask
 
     def _registered(
         self, frame: RegisteredFrame, seen: _Evidence, layers: list[Layer], clock: _Clock
