@@ -45,7 +45,10 @@ REFUSED = {
     'out of range': ('shutter.exposure_rows:=-3.5', ['-3.5', '0 to 5000 rows']),
     'wrong type': ('layers.enabled:=7', ['layers.enabled = 7', 'true or false']),
     'not a choice': ('shutter.readout:=sideways', ['sideways', 'top_down, bottom_up']),
-    'contradiction': ('change.threshold_low:=8', ['change.threshold_low', 'threshold_high = 4.0']),
+    'contradiction': (
+        'change.threshold_low:=8',
+        ['change.threshold_low', 'must be below change.threshold_high'],
+    ),
     'transport': ('image_transport:=zip', ['image_transport', 'raw, compressed']),
     'qos': ('qos_overrides./image.subscription.depth:=few', ['/image']),
 }

@@ -223,7 +223,11 @@ def set_parameter(rig, name, value):
         ('shutter.exposure_rows', 'long', "shutter.exposure_rows = 'long' .* 0 to 5000 rows"),
         ('worker.threads', 0, 'worker.threads = 0 .* 1 to 64 threads'),
         ('registration.degrees_of_freedom', 5, 'one of 2, 3, 4, 6'),
-        ('change.threshold_low', 9.0, 'must be below change.threshold_high = 4.0'),
+        (
+            'change.threshold_low',
+            9.0,
+            'must be below change.threshold_high = ',
+        ),
         ('image_transport', 'compressed', 'read-only'),
         ('publish.queue_depth', 7, 'read-only'),
         ('change.treshold_low', 2.0, 'unknown; did you mean change.threshold_low'),
