@@ -18,7 +18,7 @@ from rsmb_ros.core.types import REGISTERED
 from rsmb_ros.evaluation.matching import Box, Tally, score_frame
 from rsmb_ros.messages.stamps import stamp_ns
 from rsmb_ros.report.html import Report, Table
-from rsmb_ros.report.strip import side_by_side
+from rsmb_ros.report.sheet import contact_sheet
 
 from .images import write_png
 
@@ -127,7 +127,7 @@ def write_pictures(folder: Path, answers: Answers, truth: Truth) -> None:
     table = object_table(answers, truth)
     report.write(folder / 'demo.html', summary_of(answers, truth), [table] if table.rows else [])
     del chosen['change mask']  # the overlay has it; four pictures are seen at a glance
-    write_png(folder / 'demo.png', side_by_side(chosen))
+    write_png(folder / 'demo.png', contact_sheet(chosen))
 
 
 def _answered(bag: Bag, answers: Answers) -> Iterator[tuple[int, dict[str, np.ndarray]]]:

@@ -12,7 +12,7 @@ import pytest
 from rsmb_ros.core.types import NOT_REGISTERED, REGISTERED, Region, Result
 from rsmb_ros.report.html import Report, Table, evenly
 from rsmb_ros.report.overlay import CHANGE, STATIC, describe, draw_overlay
-from rsmb_ros.report.strip import side_by_side
+from rsmb_ros.report.sheet import contact_sheet
 
 SHAPE = (240, 320)
 
@@ -75,12 +75,16 @@ def test_status_says_how_many_and_why():
     assert '42 rows' in text
 
 
-def test_strip_puts_pictures_of_any_size_side_by_side(live):
-    colour = np.full((120, 160, 3), (0, 0, 255), np.uint8)
-    picture = side_by_side({'reference': colour, 'live': live})
-    assert picture.shape[0] >= 240
-    assert picture.shape[1] >= 640
-    assert (picture[picture.shape[0] // 2, 160] == (0, 0, 255)).all()
+def test_sheet_holds_pictures_of_any_size(live):
+    red = np.full((120, 160, 3), (0, 0, 255), np.uint8)
+    picture = contact_sheet({'reference': red, 'live': live, 'overlay': live})
+    rows, cols = picture.shape[0] / 2, picture.shape[1] / 2
+    assert rows >= 240
+    assert cols >= 320
+    assert (picture[int(0.6 * rows), int(0.5 * cols)] == (0, 0, 255)).all()  # fitted to 320 x 240
+    assert (picture[int(0.6 * rows), int(1.5 * cols)] == 128).all()
+    assert (picture[int(1.6 * rows), int(0.5 * cols)] == 128).all()
+    assert (picture[int(1.6 * rows), int(1.5 * cols)] == 255).all()  # no fourth picture
 
 
 def test_page_holds_its_pictures_and_needs_no_network(tmp_path, live):
