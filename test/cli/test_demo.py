@@ -108,7 +108,7 @@ def test_page_and_picture_are_written(demo, flight):
     assert 'found: car' in (folder / 'demo.html').read_text()
     rows, cols = cv2.imread(str(folder / 'demo.png')).shape[:2]
     assert rows > flight.reference.shape[0]
-    assert cols > 4 * flight.reference.shape[1]
+    assert cols > 2 * flight.reference.shape[1]  # two by two
     assert 'kernels compiled' in (folder / 'node.log').read_text()
 
 
