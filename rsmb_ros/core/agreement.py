@@ -9,6 +9,9 @@ BLOCKS_ACROSS = 20  # blocks over the image's width
 MIN_CONTRAST = 3.0  # grey levels of a block that is asked
 MIN_CORRELATION = 0.6  # of a block that agrees
 MIN_BLOCKS = 4
+ROW_WINDOW = 9  # rows
+MISFIT = 2.0  # sigma of a pixel that does not fit
+MISFIT_SHARE = 0.5  # of a row's pixels, above which the row itself is in the wrong place
 
 
 def agreement(predicted: np.ndarray, live: np.ndarray, complete: np.ndarray) -> float | None:
@@ -35,3 +38,16 @@ def agreement(predicted: np.ndarray, live: np.ndarray, complete: np.ndarray) -> 
         return None
     correlation = both[asked] / np.sqrt(np.maximum(var_p[asked] * var_l[asked], 1e-6))
     return float((correlation > MIN_CORRELATION).mean())
+
+
+def misfitting_rows(z: np.ndarray, judged: np.ndarray) -> np.ndarray:
+    """
+    Rows in which most of what can be judged does not fit, (M,) bool.
+
+    Such rows were not registered (the ends of a frame, mostly), so they say nothing about changes.
+    `z` (M, N) is the residual in units of its noise, `judged` (M, N) bool.
+    """
+    window = (1, ROW_WINDOW)
+    misfits = cv2.blur(((np.abs(z) > MISFIT) & judged).sum(axis=1, dtype=np.float64), window)
+    asked = cv2.blur(judged.sum(axis=1, dtype=np.float64), window)
+    return (misfits > MISFIT_SHARE * asked)[:, 0]

@@ -185,7 +185,7 @@ def _start_prior(knots: int) -> np.ndarray:
     slope, bend = first.T @ first, second.T @ second
     prior = np.zeros((4 * knots, 4 * knots))
     for n, (bend_weight, slope_weight, ridge) in enumerate(
-        [(0.05, 0.01, 1e-9), (0.05, 0.01, 1e-9), (0.2, 2.0, 1e-3), (0.2, 4.0, 1e-2)]
+        [(0.005, 0.01, 1e-9), (0.005, 0.01, 1e-9), (0.2, 2.0, 1e-3), (0.2, 4.0, 1e-2)]
     ):
         block = np.s_[n * knots : (n + 1) * knots]
         prior[block, block] = bend_weight * bend + slope_weight * slope + ridge * np.eye(knots)

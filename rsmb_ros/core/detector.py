@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from .agreement import agreement
+from .agreement import agreement, misfitting_rows
 from .camera import Camera
 from .coarse import CoarseSearch
 from .config import Config
@@ -206,6 +206,7 @@ class Detector:
     def _evidence(self, frame: RegisteredFrame) -> _Evidence:
         noise = NoiseTable.learn(frame.predicted, frame.residual, frame.judged)
         z = frame.residual / noise(frame.predicted)
+        frame.judged &= ~misfitting_rows(z, frame.judged)[:, None]
         strength = evidence(np.where(frame.judged, z, np.float32(0.0)))
         return _Evidence(noise, strength, candidates(strength, self.config.change))
 

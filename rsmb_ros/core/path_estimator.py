@@ -31,11 +31,11 @@ NO_RESIDUAL = 1e8  # residuals above this mark points without reference
 MIN_SIGMA = 1.0  # grey levels; no camera is quieter
 
 # Per pyramid level, full size first; the last entry serves all coarser ones.
-ITERATIONS = (6, 10, 14)
+ITERATIONS = (8, 16, 20)
 STOP_STEP = (0.015, 0.05, 0.1)  # px, rms of a step of the control points
 # Stiffness at the first and from the fourth iteration: an object at another depth must not bend
 # the path while it is far off; a shaken camera must bend it in the end.
-STIFFNESS = ((0.1, 0.003), (10.0, 0.1), (100.0, 10.0))
+STIFFNESS = ((0.1, 0.003), (1.0, 0.1), (1.0, 0.1))
 RELAXED_AFTER = 3  # iterations
 # How far an edge may be off for reasons that are not the camera, first and relaxed [px]: bounds
 # what a strong edge can say, so that one rich object does not outweigh the ground.
@@ -182,7 +182,7 @@ class PathEstimator:
         stage = min(n, len(ITERATIONS) - 1)
         start_exposure = fit.path.exposure_rows
         for iteration in range(ITERATIONS[stage]):
-            tukey = iteration > 0  # a first step may be far off
+            tukey = n == 0 and iteration > 0  # before that the ends of a frame may be far off
             first, last = MISPLACED[stage]
             misplaced = first * (last / first) ** min(1.0, iteration / RELAXED_AFTER)
             system = self._linearise(n, points, fit, misplaced, tukey)

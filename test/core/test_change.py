@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsmb_ros.core.agreement import agreement
+from rsmb_ros.core.agreement import agreement, misfitting_rows
 from rsmb_ros.core.config import ChangeConfig
 from rsmb_ros.core.evidence import NoiseTable, evidence
 from rsmb_ros.core.segmentation import blobs, candidates, without_thin
@@ -76,3 +76,14 @@ def test_agreement_counts_blocks_not_pixels(texture_of):
     assert abs(agreement(image, half, whole) - 0.5) < 0.12
     assert agreement(image, other, whole) < 0.15
     assert agreement(np.full_like(image, 9), np.full_like(image, 9), whole) is None
+
+
+def test_rows_in_the_wrong_place_are_told_from_rows_with_a_large_change():
+    z = np.random.default_rng(6).normal(0, 1, (240, 320)).astype(np.float32)
+    judged = np.ones(z.shape, bool)
+    z[:20] *= 8.0  # misregistered: everything misfits
+    z[100:140, 50:180] += 30.0  # an object over 40 % of the width
+    judged[:, 300:] = False
+    bad = misfitting_rows(z, judged)
+    assert bad[:15].all()
+    assert not bad[30:].any()
