@@ -16,8 +16,9 @@ from rosbags.highlevel import AnyReader
 from rsmb_ros.cli.main import main
 
 BAG = Path(__file__).parents[1] / 'bags' / 'demo.mcap'
-DEMO_S = 240.0  # deadline of the demo: 24 frames at 1 Hz and a cold start
-PRESENT = {'car': 18, 'container': 12}  # frames that hold them
+DEMO_S = 240.0  # deadline of the demo: 20 frames at 0.5 Hz and a cold start
+FRAMES = 20
+PRESENT = {'car': 15, 'container': 10}  # frames that hold them
 
 
 @pytest.fixture(scope='module')
@@ -54,12 +55,12 @@ def images(bag: Path, topic: str) -> dict[int, np.ndarray]:
 def test_demo_finds_both_objects_and_nothing_else(outputs):
     _, table = outputs
     processed = int(re.search(r'frames processed: (\d+)', table).group(1))
-    assert processed >= 12, table  # a busy machine may drop some of the 24: newest wins
+    assert processed >= FRAMES // 2, table  # a busy machine may drop some of the 20: newest wins
     for name, frames in PRESENT.items():
         row = re.search(rf'{name}\s+(\d+)\s+(\d+)', table)
         assert row, table
         present, found = (int(value) for value in row.groups())
-        assert frames - (24 - processed) <= present <= frames, table
+        assert frames - (FRAMES - processed) <= present <= frames, table
         assert found == present, table
     assert re.search(r'false alarms\): 0\b', table), table
 
@@ -68,14 +69,14 @@ def test_demo_finds_both_objects_and_nothing_else(outputs):
 def test_node_and_replay_publish_equal_pictures(outputs, name):
     folder, _ = outputs
     node, replay = (images(folder / bag, f'/rsmb/{name}') for bag in ('demo.mcap', 'replay.mcap'))
-    assert len(replay) == 24
-    assert len(node) >= 12
+    assert len(replay) == FRAMES
+    assert len(node) >= FRAMES // 2
     assert set(node) <= set(replay)
     for stamp, picture in node.items():
         np.testing.assert_array_equal(picture, replay[stamp])
 
 
-@pytest.mark.parametrize('index', [3, 20])
+@pytest.mark.parametrize('index', [3, 16])
 def test_detect_gives_the_masks_of_the_replay(outputs, index, tmp_path):
     folder, _ = outputs
     files = {}
@@ -95,5 +96,5 @@ def test_detect_gives_the_masks_of_the_replay(outputs, index, tmp_path):
         np.testing.assert_array_equal(found, expected)
     result = json.loads((tmp_path / 'result.json').read_text())
     changes = [region for region in result['regions'] if region['kind'] == 'change']
-    assert len(changes) == {3: 0, 20: 2}[index]
+    assert len(changes) == {3: 0, 16: 2}[index]
     assert abs(result['exposure_rows'] / 50.0 - 1) < 0.02
