@@ -5,10 +5,14 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from .evidence import gradient_energy
+
 BLOCKS_ACROSS = 20  # blocks over the image's width
 MIN_CONTRAST = 3.0  # grey levels of a block that is asked
 MIN_CORRELATION = 0.6  # of a block that agrees
 MIN_BLOCKS = 4
+SHARP_SHARE = 95  # percentile of the gradients that stands for an image's sharpness
+MIN_SHARPNESS = 0.6  # registered / live; 0.93 to 1.0 on right frames, below 0.45 on smeared ones
 ROW_WINDOW = 9  # rows
 MISFIT = 2.0  # sigma of a pixel that does not fit
 MISFIT_SHARE = 0.5  # of a row's pixels, above which the row itself is in the wrong place
@@ -38,6 +42,19 @@ def agreement(predicted: np.ndarray, live: np.ndarray, complete: np.ndarray) -> 
         return None
     correlation = both[asked] / np.sqrt(np.maximum(var_p[asked] * var_l[asked], 1e-6))
     return float((correlation > MIN_CORRELATION).mean())
+
+
+def sharpness(predicted: np.ndarray, live: np.ndarray, judged: np.ndarray) -> float:
+    """
+    Sharpness of a predicted image relative to the live one, about 1 where they fit.
+
+    A wrong path with a long exposure smears the reference until little contradicts the live frame:
+    its agreement is high, its sharpness is not. Images are (M, N) float32, `judged` (M, N) bool.
+    """
+    found, seen = (
+        np.percentile(gradient_energy(image)[judged], SHARP_SHARE) for image in (predicted, live)
+    )
+    return float(np.sqrt(found / max(seen, 1e-6)))
 
 
 def misfitting_rows(z: np.ndarray, judged: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from .agreement import agreement, misfitting_rows
+from .agreement import MIN_SHARPNESS, agreement, misfitting_rows, sharpness
 from .camera import Camera
 from .coarse import CoarseSearch
 from .config import Config
@@ -200,6 +200,12 @@ class Detector:
             return (
                 f'live frame and reference do not match: {agreed:.0%} of the textured blocks '
                 f'agree, {limits.min_agreement:.0%} needed'
+            )
+        sharp = sharpness(frame.predicted, frame.grey, frame.judged)
+        if sharp < MIN_SHARPNESS:
+            return (
+                'live frame and reference do not match: only a blur that the live frame does not '
+                f'have makes them alike, sharpness {sharp:.2f} < {MIN_SHARPNESS}'
             )
         return ''
 

@@ -21,10 +21,11 @@ MAX_Z2 = 100.0  # one wild pixel must not decide for its neighbourhood
 
 def texture(image: np.ndarray) -> np.ndarray:
     """Local rms gradient of an image (M, N) float32 [grey levels / px]."""
-    return _texture(_gradient_energy(image))
+    return _texture(gradient_energy(image))
 
 
-def _gradient_energy(image: np.ndarray) -> np.ndarray:
+def gradient_energy(image: np.ndarray) -> np.ndarray:
+    """Squared gradient of an image (M, N) float32 [(grey levels / px)^2]."""
     g_x = cv2.Sobel(image, cv2.CV_32F, 1, 0, scale=1 / 8)
     g_y = cv2.Sobel(image, cv2.CV_32F, 0, 1, scale=1 / 8)
     return g_x * g_x + g_y * g_y
@@ -74,7 +75,7 @@ class NoiseTable:
 
     def __call__(self, predicted: np.ndarray) -> np.ndarray:
         """Standard deviation expected at each pixel of a predicted image (M, N) [grey levels]."""
-        energy = _gradient_energy(predicted)
+        energy = gradient_energy(predicted)
         levels, steps = _quantised(predicted, _texture(energy))
         sigma = cv2.remap(
             self.sigma,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
-from rsmb_ros.core.agreement import agreement, misfitting_rows
+from rsmb_ros.core.agreement import agreement, misfitting_rows, sharpness
 from rsmb_ros.core.config import ChangeConfig
 from rsmb_ros.core.evidence import NoiseTable, evidence
 from rsmb_ros.core.segmentation import blobs, candidates, without_thin
@@ -87,3 +88,10 @@ def test_rows_in_the_wrong_place_are_told_from_rows_with_a_large_change():
     bad = misfitting_rows(z, judged)
     assert bad[:15].all()
     assert not bad[30:].any()
+
+
+def test_a_smeared_prediction_is_told_from_a_right_one(texture_of):
+    image = texture_of(240, 320, 7).astype(np.float32)
+    judged = np.ones(image.shape, bool)
+    assert abs(sharpness(image, image, judged) - 1.0) < 1e-6
+    assert sharpness(cv2.blur(image, (21, 21)), image, judged) < 0.6
