@@ -15,6 +15,7 @@ VERBS = {
     'replay': 'run every frame of a bag through the detector',
     'demo': 'play a bag to the real node over ROS and score what it finds',
     'synth': 'make synthetic scenes with truth',
+    'evaluate': 'measure accuracy and time against truth, rivals beside ours',
 }
 
 DONE, BAD_DATA, BAD_USAGE, INTERRUPTED = 0, 1, 2, 130

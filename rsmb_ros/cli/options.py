@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +51,37 @@ def mcap_path(text: str) -> Path:
     if not text.endswith('.mcap'):
         raise argparse.ArgumentTypeError(f'{text!r} must end in .mcap')
     return Path(text)
+
+
+def frame_size(text: str) -> tuple[int, int]:
+    """Parse COLSxROWS into (rows, cols), for argparse."""
+    found = re.fullmatch(r'(\d+)x(\d+)', text)
+    cols, rows = (int(group) for group in found.groups()) if found else (0, 0)
+    if not (240 <= rows <= 4320 and 320 <= cols <= 7680):
+        raise argparse.ArgumentTypeError(f'{text!r} must be COLSxROWS, 320x240 to 7680x4320')
+    return rows, cols
+
+
+def within(kind: type, low: float, high: float) -> Callable[[str], Any]:
+    """Return an argparse type for numbers from `low` to `high`."""
+
+    def parse(text: str) -> Any:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = None
+        if value is None or not low <= value <= high:
+            raise argparse.ArgumentTypeError(f'{text!r} must be a number from {low} to {high}')
+        return value
+
+    return parse
+
+
+def data_folder(given: Path | None) -> Path | None:
+    """Return the folder with real pictures: as given, else RSMB_DATA, else None."""
+    if given is None and os.environ.get('RSMB_DATA'):
+        return Path(os.environ['RSMB_DATA'])
+    return given
 
 
 def load_config(args: argparse.Namespace) -> Config:

@@ -1,11 +1,9 @@
-"""`rsmb synth`: synthetic flights with truth, as image files or as a bag."""
+"""`rsmb synth`: synthetic flights and suites with truth, as image files or as a bag."""
 
 from __future__ import annotations
 
 import argparse
-import re
-from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +11,48 @@ import cv2
 import numpy as np
 
 from rsmb_ros.bags.writing import BagFactory, BagWriter
-from rsmb_ros.core.sequence import USUAL, FlightPlan, SyntheticFlight, SyntheticFrame
-from rsmb_ros.core.synthesis import Nuisances
+from rsmb_ros.core.errors import ConfigError
+from rsmb_ros.core.shutter import ShutterTiming
+from rsmb_ros.core.synthesis import (
+    HOVER,
+    MOTIONS,
+    SUBURB,
+    USUAL,
+    FlightPlan,
+    Nuisances,
+    SyntheticFlight,
+    SyntheticFrame,
+)
+from rsmb_ros.evaluation.case import Case
+from rsmb_ros.evaluation.suites import NUISANCES, SUITES, Wish
+from rsmb_ros.evaluation.suites.recipe import case_of
 from rsmb_ros.messages.as_json import to_json
 
-from .images import output_folder, read_image, write_png, write_whole
+from .images import output_folder, read_image
+from .options import data_folder, frame_size, within
 from .progress import progress
+from .truth_folder import write_frame, write_truth
 
 FRAME_ID = 'camera'
 START_NS = 1_700_000_000_000_000_000  # stamp of a bag's reference: a fixed day, equal files
+SIZE = (480, 640)  # rows, cols
+EXPOSURE_ROWS = 50.0
+READOUTS = ('top_down', 'bottom_up', 'global')
+# Allowed values of what a camera adds, see `core.synthesis.Nuisances`.
+RANGES = {
+    'gain': (0.05, 20.0),
+    'bias': (-50.0, 50.0),
+    'vignetting': (0.0, 0.95),
+    'overexposure': (0.1, 20.0),
+    'defocus_px': (0.0, 10.0),
+    'noise_electrons': (10.0, 1e9),
+    'read_noise': (0.0, 50.0),
+    'mosaic': (0, 1),
+    'gamma': (1.0, 3.0),
+    'sharpening': (0.0, 5.0),
+    'jpeg_quality': (0, 100),
+    'distortion': (-0.2, 0.2),
+}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,70 +60,174 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '-o', '--output', type=Path, required=True, metavar='DIR|BAG.mcap', help='what to write'
     )
-    parser.add_argument(
-        '--background', type=Path, help='photo to fly over; default: a drawn suburb'
+    parser.add_argument('--seed', type=within(int, 0, 2**32), default=1)
+    parser.add_argument('--size', type=frame_size, metavar='COLSxROWS', help='default: 640x480')
+    _add_scene(parser.add_argument_group('scene'))
+    _add_camera(parser.add_argument_group('camera'))
+    _add_suite(parser.add_argument_group('a suite of `rsmb evaluate` instead, as folders'))
+
+
+def _add_scene(group: argparse._ArgumentGroup) -> None:
+    group.add_argument('--background', type=Path, help='photo to fly over; default: drawn suburb')
+    group.add_argument('--houses', type=within(int, 0, 40), default=SUBURB.houses)
+    group.add_argument('--trees', type=within(int, 0, 60), default=0, help='that stand out')
+    group.add_argument(
+        '--texture', type=within(float, 0, 1), default=1.0, help='contrast of the drawn ground'
     )
-    parser.add_argument('--size', type=_size, default=(480, 640), metavar='COLSxROWS')
-    parser.add_argument('--frames', type=_within(int, 1, 100_000), default=1, help='live frames')
-    parser.add_argument('--rate', type=_within(float, 0.01, 1000), default=5.0, help='frames/s')
-    parser.add_argument(
-        '--offset', type=_within(float, 0, 1000), default=20.0, help='distance from reference [px]'
+    group.add_argument('--objects', type=within(int, 0, 20), default=2, help='that appear')
+    group.add_argument('--vanished', type=within(int, 0, 20), default=0, help='that are gone')
+    group.add_argument(
+        '--shadows', type=within(float, 0, 1), default=0.0, help='light their shadows take'
     )
-    parser.add_argument(
-        '--blur', type=_within(float, 0, 100), default=8.0, help='motion blur of a row [px]'
+
+
+def _add_camera(group: argparse._ArgumentGroup) -> None:
+    group.add_argument('--frames', type=within(int, 1, 100_000), default=1, help='live frames')
+    group.add_argument('--rate', type=within(float, 0.01, 1000), default=5.0, help='frames/s')
+    group.add_argument(
+        '--offset', type=within(float, 0, 1000), default=20.0, help='distance from reference [px]'
     )
-    parser.add_argument(
+    group.add_argument('--motion', choices=(HOVER, *MOTIONS), default=HOVER, help='of the rows')
+    group.add_argument(
+        '--blur', type=within(float, 0, 100), default=8.0, help='motion blur of a row [px]'
+    )
+    group.add_argument(
         '--exposure-rows',
-        type=_within(float, 0, 5000),
-        default=50.0,
-        help='exposure / line delay [rows]; 0: no blur',
+        type=within(float, 0, 5000),
+        help=f'exposure / line delay [rows], 0: no blur; default: {EXPOSURE_ROWS:g}',
     )
-    parser.add_argument(
-        '--objects', type=_within(int, 0, 20), default=2, help='objects that appear'
+    group.add_argument('--exposure-ms', type=within(float, 0, 1000), help='the same in seconds ...')
+    group.add_argument('--line-delay-us', type=within(float, 0.1, 1e5), help='... needs both')
+    group.add_argument('--readout', choices=READOUTS, default=READOUTS[0])
+    group.add_argument(
+        '--jpeg-quality', type=within(int, 1, 100), default=USUAL.jpeg_quality, help='1..100'
     )
-    parser.add_argument(
-        '--jpeg-quality', type=_within(int, 1, 100), default=USUAL.jpeg_quality, help='1..100'
-    )
-    parser.add_argument(
+    group.add_argument(
         '--ideal', action='store_true', help='no noise, vignetting, gain or JPEG in image files'
     )
-    parser.add_argument('--seed', type=_within(int, 0, 2**32), default=1)
+    group.add_argument(
+        '--nuisance',
+        action='append',
+        default=[],
+        metavar='NAME=VALUE',
+        help='what the camera adds; repeatable: '
+        + ', '.join(f'{name} {low:g}..{high:g}' for name, (low, high) in RANGES.items()),
+    )
+
+
+def _add_suite(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        '--suite', choices=SUITES, metavar='NAME', help=f'one of {", ".join(SUITES)}'
+    )
+    group.add_argument('--first', type=within(int, 1, 10_000), help='so many of its cases only')
+    group.add_argument('--nuisances', choices=NUISANCES, default=NUISANCES[0])
+    group.add_argument('--data', type=Path, metavar='DIR', help='real pictures; else RSMB_DATA')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the flight; returns the exit code."""
-    nuisances = Nuisances() if args.ideal else replace(USUAL, jpeg_quality=args.jpeg_quality)
+    """Write the flight or the suite; returns the exit code."""
+    if args.suite:
+        return _write_suite(args)
     as_bag = args.output.suffix == '.mcap'
+    nuisances = nuisances_of(args)
     if as_bag:  # a bag stores what the camera would compress
         nuisances = replace(nuisances, jpeg_quality=0)
+    timing = timing_of(args)
     plan = FlightPlan(
         frames=args.frames,
         rate=args.rate,
         offset_px=args.offset,
-        blur_px=args.blur if args.exposure_rows else 0.0,
-        exposure_rows=args.exposure_rows,
+        blur_px=args.blur if timing.exposure_rows else 0.0,
+        timing=timing,
         objects=args.objects,
         nuisances=nuisances,
         seed=args.seed,
+        shadows=args.shadows,
+        vanished=args.vanished,
+        motion=args.motion,
+        style=replace(SUBURB, houses=args.houses, crowns=args.trees, texture=args.texture),
     )
     background = read_image(args.background) if args.background else None
-    flight = SyntheticFlight(plan, args.size, background)
+    flight = SyntheticFlight(plan, args.size or SIZE, background)
     write = _write_bag if as_bag else _write_files
     write(flight, args)
     print(f'{args.output}: {args.frames} live frames with truth')
     return 0
 
 
+def nuisances_of(args: argparse.Namespace) -> Nuisances:
+    """Return what the camera adds, by ``--ideal``, ``--jpeg-quality`` and ``--nuisance``."""
+    values: dict[str, Any] = {}
+    for text in args.nuisance:
+        name, equals, number = text.partition('=')
+        if name not in RANGES or not equals:
+            raise ConfigError(
+                f'--nuisance {text!r} must be NAME=VALUE, NAME one of {", ".join(RANGES)}'
+            )
+        kinds: dict[str, type] = {item.name: type(item.default) for item in fields(Nuisances)}
+        low, high = RANGES[name]
+        try:
+            values[name] = within(float, low, high)(number)
+        except argparse.ArgumentTypeError as error:
+            raise ConfigError(f'--nuisance {name}: {error}') from error
+        if kinds[name] in (int, bool):
+            values[name] = kinds[name](values[name])
+    base = Nuisances() if args.ideal else replace(USUAL, jpeg_quality=args.jpeg_quality)
+    return replace(base, **values)
+
+
+def timing_of(args: argparse.Namespace) -> ShutterTiming:
+    """Return the shutter, in rows or from seconds."""
+    in_seconds = (args.exposure_ms, args.line_delay_us)
+    if args.exposure_rows is not None and in_seconds != (None, None):
+        raise ConfigError('--exposure-rows excludes --exposure-ms and --line-delay-us')
+    if (args.exposure_ms is None) != (args.line_delay_us is None):
+        raise ConfigError('--exposure-ms and --line-delay-us need each other')
+    if args.exposure_ms is not None:
+        timing = ShutterTiming.from_seconds(1e-3 * args.exposure_ms, 1e-6 * args.line_delay_us)
+    else:
+        rows = EXPOSURE_ROWS if args.exposure_rows is None else args.exposure_rows
+        timing = ShutterTiming(rows)
+    return replace(timing, rolling=args.readout != 'global', bottom_up=args.readout == 'bottom_up')
+
+
+def _write_suite(args: argparse.Namespace) -> int:
+    suite = SUITES[args.suite]
+    wish = Wish(args.size, args.nuisances, data_folder(args.data), args.first)
+    suite.check(wish)
+    root = output_folder(args.output)
+    count = min(suite.size, args.first or suite.size)
+    for case in progress(suite.cases(wish), count, 'synth'):
+        folder = output_folder(root / case.name.partition('/')[2].replace('/', ' '))
+        entry = write_frame(folder, 0, case)
+        write_truth(folder, case.reference, {'focal_px': case.focal_px}, [entry])
+    print(f'{args.output}: {count} cases of {suite.name} with truth')
+    return 0
+
+
 def _write_files(flight: SyntheticFlight, args: argparse.Namespace) -> None:
     folder = output_folder(args.output)
-    write_png(folder / 'reference.png', flight.reference)
-    truths = []
+    entries = []
     for frame in progress(flight.frames(), args.frames, 'synth'):
-        write_png(folder / f'live_{frame.index:03d}.png', frame.live)
-        write_png(folder / f'truth_{frame.index:03d}.png', frame.truth.label)
-        truths.append({'frame': frame.index, 'time_s': frame.time, **_truth(frame)})
-    about = {'plan': asdict(flight.plan), 'focal_px': flight.camera.focal_px, 'frames': truths}
-    write_whole(folder / 'truth.json', to_json(about).encode())
+        entries.append(write_frame(folder, frame.index, _case(flight, frame)))
+    plan = {**asdict(flight.plan), 'nuisances': flight.plan.nuisances.as_dict()}
+    about = {
+        'plan': plan,
+        'focal_px': flight.camera.focal_px,
+        'nuisances': plan['nuisances'],
+    }
+    write_truth(folder, flight.reference, about, entries)
+
+
+def _case(flight: SyntheticFlight, frame: SyntheticFrame) -> Case:
+    return case_of(
+        f'{frame.index:03d}',
+        flight.reference,
+        frame.live,
+        frame.truth,
+        flight.camera.focal_px,
+        {'time_s': frame.time, 'objects': frame.truth.boxes},
+    )
 
 
 def _write_bag(flight: SyntheticFlight, args: argparse.Namespace) -> None:
@@ -122,7 +257,7 @@ def _write_bag(flight: SyntheticFlight, args: argparse.Namespace) -> None:
 def _truth(frame: SyntheticFrame) -> dict[str, Any]:
     """Objects as x, y, width, height [px], exposure, centroid pose of each row."""
     return {
-        'objects': frame.truth.objects,
+        'objects': frame.truth.boxes,
         'exposure_rows': frame.truth.exposure_rows,
         'centroids': np.round(frame.truth.centroids, 5).tolist(),
     }
@@ -130,27 +265,3 @@ def _truth(frame: SyntheticFrame) -> dict[str, Any]:
 
 def _jpeg(image: np.ndarray, quality: int) -> bytes:
     return cv2.imencode('.jpg', image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
-
-
-def _size(text: str) -> tuple[int, int]:
-    """Parse COLSxROWS into (rows, cols)."""
-    found = re.fullmatch(r'(\d+)x(\d+)', text)
-    cols, rows = (int(group) for group in found.groups()) if found else (0, 0)
-    if not (240 <= rows <= 4320 and 320 <= cols <= 7680):
-        raise argparse.ArgumentTypeError(f'{text!r} must be COLSxROWS, 320x240 to 7680x4320')
-    return rows, cols
-
-
-def _within(kind: type, low: float, high: float) -> Callable[[str], Any]:
-    """Return an argparse type for numbers from `low` to `high`."""
-
-    def parse(text: str) -> Any:
-        try:
-            value = kind(text)
-        except ValueError:
-            value = None
-        if value is None or not low <= value <= high:
-            raise argparse.ArgumentTypeError(f'{text!r} must be a number from {low} to {high}')
-        return value
-
-    return parse

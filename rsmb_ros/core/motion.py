@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ._kernels.geometry import homography
+from ._kernels import geometry
 
 COORDINATES = 6
 CENTROID_SAMPLES = 16  # instants per exposure in a row's centroid
@@ -120,8 +120,13 @@ def still_path(
 def homographies(coordinates: np.ndarray, grid: Grid, relative_depth: float = 1.0) -> np.ndarray:
     """Homographies (n, 3, 3) between centred pixels for path coordinates (n, 6)."""
     out = np.empty((len(coordinates), 9))
-    for q, h in zip(coordinates, out, strict=True):
-        homography(q, grid.focal_px, grid.half_width, 1.0 / relative_depth, h)
+    geometry.homographies(
+        np.asarray(coordinates, np.float64),
+        grid.focal_px,
+        grid.half_width,
+        1.0 / relative_depth,
+        out,
+    )
     return out.reshape(-1, 3, 3)
 
 

@@ -20,6 +20,11 @@ class ShutterTiming:
     rolling: bool = True
     bottom_up: bool = False  # the last row is read first
 
+    @classmethod
+    def from_seconds(cls, t_e: float, t_d: float, *, bottom_up: bool = False) -> ShutterTiming:
+        """Return the timing of exposure `t_e` and line delay `t_d` > 0, both in seconds."""
+        return cls(t_e / t_d, bottom_up=bottom_up)
+
     def middles(self, rows: int) -> np.ndarray:
         """Middle of each row's exposure (rows,), 0 for the first row read [rows]."""
         if not self.rolling:

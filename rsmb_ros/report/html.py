@@ -19,6 +19,10 @@ from .drawing import to_bgr
 
 FULL_FRAMES = 6  # shown with all their pictures
 THUMBNAILS = 60  # frames shown small
+OVERLAY_LEGEND = (
+    'Red: changed, with the score. Green: static, at another depth than the ground. '
+    'Dark and hatched: unknown.'
+)
 _PICTURE_COLS = 800  # px
 _THUMBNAIL_COLS = 240  # px
 
@@ -47,13 +51,19 @@ class Report:
     ----------
     title : str
     total : int
-        Frames to come; a few of them, evenly spaced, are shown in full.
+        Frames to come; `full` of them, evenly spaced, are shown with all their pictures.
+    full : int
+    legend : str
+        Sentence above the pictures: what their colours mean.
 
     """
 
-    def __init__(self, title: str, total: int) -> None:
+    def __init__(
+        self, title: str, total: int, *, full: int = FULL_FRAMES, legend: str = OVERLAY_LEGEND
+    ) -> None:
         self._title = title
-        self._full_at = evenly(total, FULL_FRAMES)
+        self._legend = legend
+        self._full_at = evenly(total, full)
         self._small_at = evenly(total, THUMBNAILS)
         self._full: list[_Shown] = []
         self._small: list[_Shown] = []
@@ -89,6 +99,7 @@ class Report:
         environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
         page = environment.from_string(template).render(
             title=self._title,
+            legend=self._legend,
             version=rsmb_ros.__version__,
             summary=summary,
             tables=tables,

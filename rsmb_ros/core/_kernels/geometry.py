@@ -80,3 +80,10 @@ def homography(q, focal, half_width, inverse_depth, out):
     out[6] /= focal
     out[7] /= focal
     out[8] += t_z * inverse_depth
+
+
+@njit(**OPTIONS)
+def homographies(qs, focal, half_width, inverse_depth, out):
+    """Write the homographies (n, 9) of path coordinates `qs` (n, 6)."""
+    for n in range(qs.shape[0]):
+        homography(qs[n], focal, half_width, inverse_depth, out[n])

@@ -1,14 +1,16 @@
-"""Forward model: one layer seen through a path, bicubic, unlike the estimator's own sampling."""
+"""Forward model: planes seen through a path, bicubic, unlike the estimator's own sampling."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
-from .geometry import OPTIONS
+# No fastmath: equal seeds must give equal bytes, however the sums are vectorised.
+EXACT = {'cache': True, 'nogil': True, 'error_model': 'numpy'}
+STATIC, NEW, GONE = 0, 1, 2  # in both images, in the live one only, in the reference only
 
 
-@njit(inline='always', **OPTIONS)
+@njit(inline='always', **EXACT)
 def cubic(t, out):
     """Write the four Keys (a = -1/2) weights at fraction `t`."""
     out[0] = ((-0.5 * t + 1.0) * t - 0.5) * t
@@ -17,36 +19,112 @@ def cubic(t, out):
     out[3] = (0.5 * t - 0.5) * t * t
 
 
-@njit(**OPTIONS)
-def warp_row(image, h, row, center, out):
-    """
-    Write row `row` of `image` (rows, cols, channels) seen through the homography `h` (9,).
+@njit(**EXACT)
+def sample(flat, start, rows, cols, channels, u, v, w_x, w_y, out):
+    """Write the bicubic value of an image inside `flat` at column u, row v; edges continue."""
+    u = min(max(u, 0.0), cols - 1.0)
+    v = min(max(v, 0.0), rows - 1.0)
+    j = min(int(u), cols - 2)
+    i = min(int(v), rows - 2)
+    cubic(u - j, w_x)
+    cubic(v - i, w_y)
+    for c in range(channels):
+        out[c] = 0.0
+    for m in range(4):
+        line = start + min(max(i + m - 1, 0), rows - 1) * cols * channels
+        for n in range(4):
+            weight = w_y[m] * w_x[n]
+            at = line + min(max(j + n - 1, 0), cols - 1) * channels
+            for c in range(channels):
+                out[c] += weight * flat[at + c]
 
-    `center` = live centre x, y and the image's own place of the reference centre x, y. Edge values
-    continue outside.
+
+@njit(inline='always', **EXACT)
+def distorted(x, y, k):
+    """Sensor place of the ideal place (x, y), in half widths: inverse of p (1 + k |p|^2)."""
+    u = x
+    v = y
+    for _ in range(4):
+        s = 1.0 / (1.0 + k * (u * u + v * v))
+        u = x * s
+        v = y * s
+    return u, v
+
+
+@njit(**EXACT)
+def expose_rows(
+    first, last, flat, starts, shapes, corners, kinds, hs, counts, begins, center, half_width,
+    distortion, channels, live, clean, cover, place, outside,
+):
     """
-    rows, cols, channels = image.shape
+    Write rows first..last-1 of Eq. 2 and 5: the mean over each row's instants of all planes.
+
+    Plane 0 is the ground, the others lie in front of it in order; each is rows x cols x (channels +
+    alpha) in `flat`. `hs` (instants, planes, 9). `cover` (planes, M, N): share of the exposure a
+    plane is seen, `place` (M, N, 2) the mean ground place, `outside` (M, N) the share of the
+    exposure beyond the reference.
+    """
+    planes = starts.shape[0]
+    cols = live.shape[1]
     w_x = np.empty(4)
     w_y = np.empty(4)
-    y = row - center[1]
-    for x in range(out.shape[0]):
-        xc = x - center[0]
-        w = 1.0 / (h[6] * xc + h[7] * y + h[8])
-        u = (h[0] * xc + h[1] * y + h[2]) * w + center[2]
-        v = (h[3] * xc + h[4] * y + h[5]) * w + center[3]
-        u = min(max(u, 0.0), cols - 1.0)
-        v = min(max(v, 0.0), rows - 1.0)
-        j = min(int(u), cols - 2)
-        i = min(int(v), rows - 2)
-        cubic(u - j, w_x)
-        cubic(v - i, w_y)
-        for c in range(channels):
-            total = 0.0
-            for m in range(4):
-                im = min(max(i + m - 1, 0), rows - 1)
-                line = 0.0
-                for n in range(4):
-                    jn = min(max(j + n - 1, 0), cols - 1)
-                    line += w_x[n] * image[im, jn, c]
-                total += w_y[m] * line
-            out[x, c] = total
+    seen = np.empty(channels + 1)
+    now = np.empty(channels)
+    before = np.empty(channels)
+    share = np.empty(planes)
+    right = 2.0 * center[2]
+    bottom = 2.0 * center[3]
+    for row in range(first, last):
+        part = 1.0 / counts[row]
+        for x in range(cols):
+            xc = x - center[0]
+            yc = row - center[1]
+            stretch = 1.0 + distortion * (xc * xc + yc * yc) / (half_width * half_width)
+            xc *= stretch
+            yc *= stretch
+            for k in range(begins[row], begins[row] + counts[row]):
+                for n in range(planes):
+                    w = 1.0 / (hs[k, n, 6] * xc + hs[k, n, 7] * yc + hs[k, n, 8])
+                    u = (hs[k, n, 0] * xc + hs[k, n, 1] * yc + hs[k, n, 2]) * w
+                    v = (hs[k, n, 3] * xc + hs[k, n, 4] * yc + hs[k, n, 5]) * w
+                    if n == 0:
+                        a, b = distorted(u / half_width, v / half_width, distortion)
+                        a = a * half_width + center[2]
+                        b = b * half_width + center[3]
+                        place[row, x, 0] += part * a
+                        place[row, x, 1] += part * b
+                        if a < 0.0 or b < 0.0 or a > right or b > bottom:
+                            outside[row, x] += part
+                    u += center[2] + corners[n, 0]
+                    v += center[3] + corners[n, 1]
+                    rows_n = shapes[n, 0]
+                    cols_n = shapes[n, 1]
+                    if n == 0:
+                        sample(flat, starts[n], rows_n, cols_n, channels + 1, u, v, w_x, w_y, seen)
+                        for c in range(channels):
+                            now[c] = seen[c]
+                            before[c] = seen[c]
+                        share[0] = 1.0
+                        continue
+                    share[n] = 0.0
+                    if u <= 0.0 or v <= 0.0 or u >= cols_n - 1.0 or v >= rows_n - 1.0:
+                        continue
+                    sample(flat, starts[n], rows_n, cols_n, channels + 1, u, v, w_x, w_y, seen)
+                    alpha = min(max(seen[channels], 0.0), 1.0)
+                    if alpha == 0.0:
+                        continue
+                    share[n] = alpha
+                    if kinds[n] == STATIC:
+                        for m in range(n):
+                            share[m] *= 1.0 - alpha
+                    if kinds[n] != GONE:
+                        for c in range(channels):
+                            now[c] += alpha * (seen[c] - now[c])
+                    if kinds[n] != NEW:
+                        for c in range(channels):
+                            before[c] += alpha * (seen[c] - before[c])
+                for c in range(channels):
+                    live[row, x, c] += part * now[c]
+                    clean[row, x, c] += part * before[c]
+                for n in range(planes):
+                    cover[n, row, x] += part * share[n]

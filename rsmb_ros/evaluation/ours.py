@@ -1,0 +1,79 @@
+"""This project's detector as one of the methods."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+import numpy as np
+
+from rsmb_ros.core import REGISTERED, Camera, Config, Detector, Result
+from rsmb_ros.core.motion import Grid
+from rsmb_ros.core.photometric import luma
+
+from .methods import Outcome, Registration
+from .warping import places_of_poses
+
+NAME = 'rsmb'
+
+
+class Ours:
+    """
+    Detector with a configuration; cold for every pair, the reference's preparation counted.
+
+    Parameters
+    ----------
+    config : Config
+        As the node takes it.
+    settings : mapping
+        What is known of the camera of a suite, by dotted names; wins over `config`.
+
+    """
+
+    name = NAME
+    source = 'this project: continuous camera path, layers; its defaults'
+
+    def __init__(self, config: Config, settings: Mapping[str, object] | None = None) -> None:
+        self._config = config.replaced(dict(settings or {}))
+
+    def __call__(self, reference: np.ndarray, live: np.ndarray, focal_px: float | None) -> Outcome:
+        """Compare a live frame with the reference."""
+        camera = Camera(focal_px) if focal_px else None
+        begin = time.perf_counter()
+        result = Detector(reference, camera, self._config).detect(live)
+        registered = result.registered
+        seconds = time.perf_counter() - begin
+        return Outcome(
+            registered=result.status == REGISTERED,
+            reason=result.reason,
+            change=result.change_mask > 0,
+            valid=result.valid_mask > 0,
+            registration=_registration(result, registered, reference.shape[:2], focal_px),
+            seconds=seconds,
+            exposure_rows=result.exposure_rows,
+            depths=tuple(_static_objects(result)),
+        )
+
+
+def _registration(
+    result: Result, registered: np.ndarray, shape: tuple[int, int], focal_px: float | None
+) -> Registration | None:
+    if result.status != REGISTERED:
+        return None
+    rows, cols = result.change_mask.shape
+    focal = focal_px or Camera.guess(cols).focal_px
+    places = places_of_poses(result.row_motion, Grid((rows, cols), shape, focal))
+    limits = np.array([shape[1] - 1, shape[0] - 1])
+    inside = ((places >= 0) & (places <= limits)).all(axis=-1)
+    return Registration(luma(registered), inside, places)
+
+
+def _static_objects(result: Result) -> list[tuple[np.ndarray, float]]:
+    found = []
+    for region in result.regions:
+        if region.kind == 'static' and region.relative_depth is not None:
+            mask = np.zeros(result.change_mask.shape, bool)
+            box = np.s_[region.y : region.y + region.height, region.x : region.x + region.width]
+            mask[box] = True
+            found.append((mask, region.relative_depth))
+    return found
