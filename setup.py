@@ -56,6 +56,8 @@ setup(
         'pyyaml>=6.0',
         'rich>=13.0',
         'rosbags>=0.11',
+        'scikit-image>=0.22',
+        'scikit-learn>=1.4',
         'scipy>=1.11',
         'threadpoolctl>=3.1',
     ],

@@ -14,7 +14,12 @@ from rsmb_ros.core.config import Config, parameters
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / 'rsmb_ros'
 CORE = sorted((PACKAGE / 'core').rglob('*.py'))
-INNER = {'core': set(), 'messages': {'core', 'report'}, 'report': {'core'}, 'evaluation': {'core'}}
+INNER = {
+    'core': set(),
+    'messages': {'core', 'report'},
+    'report': {'core'},
+    'evaluation': {'core', 'report'},
+}
 FILES_AND_ROS = ('rclpy', 'rosbags', 'mcap', 'pathlib', 'shutil', 'argparse', 'yaml', 'os')
 
 

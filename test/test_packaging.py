@@ -40,6 +40,8 @@ LIBRARIES = {
     'rich': ('rich', 'python3-rich'),
     'rosbags': ('rosbags', 'python3-rosbags-pip'),
     'scipy': ('scipy', 'python3-scipy'),
+    'skimage': ('scikit-image', 'python3-skimage'),
+    'sklearn': ('scikit-learn', 'python3-sklearn'),
     'threadpoolctl': ('threadpoolctl', 'python3-sklearn'),
     'yaml': ('pyyaml', 'python3-yaml'),
 }

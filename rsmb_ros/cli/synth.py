@@ -51,7 +51,7 @@ RANGES = {
     'gamma': (1.0, 3.0),
     'sharpening': (0.0, 5.0),
     'jpeg_quality': (0, 100),
-    'distortion': (-0.2, 0.2),
+    'distortion': (-0.05, 0.05),
 }
 
 

@@ -9,11 +9,18 @@ import numpy as np
 import pytest
 
 from rsmb_ros.core import Camera, Config, Detector, FrameError
-from rsmb_ros.core.flight import Hover
 from rsmb_ros.core.motion import Grid, coordinates_from_poses, homographies
-from rsmb_ros.core.scenes import aerial_scene
 from rsmb_ros.core.shutter import ShutterTiming
-from rsmb_ros.core.synthesis import CHANGED, Nuisances, Scene, live_frame, reference_image
+from rsmb_ros.core.synthesis import (
+    CHANGED,
+    Nuisances,
+    Scene,
+    aerial_scene,
+    live_frame,
+    placed_objects,
+    reference_image,
+)
+from rsmb_ros.core.synthesis.paths import Hover
 
 SHAPE = (240, 320)
 CAMERA = Camera(300.0)
@@ -155,11 +162,11 @@ def suburb_case(suburb):
     grid = Grid((480, 640), (480, 640), 576.0)
     hover = Hover(22.0, 8.0, 50.0, 6e-5, phase=0.4)
     rng = np.random.default_rng(1)
-    reference = reference_image(suburb.scene, REAL, rng)
+    reference = reference_image(suburb, REAL, rng)
 
     def frame(objects):
         return live_frame(
-            suburb.scene,
+            suburb,
             objects,
             grid,
             lambda times: hover.poses(1.0, times),
@@ -173,10 +180,10 @@ def suburb_case(suburb):
 
 def test_new_objects_are_found_and_houses_are_not(suburb, suburb_case):
     reference, frame = suburb_case
-    live, truth = frame(suburb.objects)
+    live, truth = frame(placed_objects(suburb, 2, np.random.default_rng(4)))
     result = Detector(reference).detect(live)
     assert len(result.changes) == 2
-    for x, y, width, height in truth.objects.values():
+    for x, y, width, height in truth.boxes.values():
         middle = (x + width / 2, y + height / 2)
         hits = [
             region
@@ -193,7 +200,7 @@ def test_new_objects_are_found_and_houses_are_not(suburb, suburb_case):
     assert set(np.unique(result.change_mask)) <= {0, 255}
 
 
-def test_unchanged_scene_with_parallax_raises_no_alarm(suburb_case):
+def test_unchanged_scene_with_parallax_raises_no_alarm(suburb, suburb_case):
     reference, frame = suburb_case
     live, _ = frame(())
     result = Detector(reference).detect(live)
@@ -201,7 +208,8 @@ def test_unchanged_scene_with_parallax_raises_no_alarm(suburb_case):
     assert not result.changes
     depths = [region.relative_depth for region in result.regions]
     assert depths, 'the houses move by 3 px and must be seen as static objects'
-    assert all(abs(depth - 0.88) < 0.03 for depth in depths)
+    true = [layer.relative_depth for layer in suburb.layers]
+    assert all(min(abs(depth - one) for one in true) < 0.03 for depth in depths)
 
 
 def test_results_do_not_depend_on_the_number_of_threads(texture):
