@@ -4,17 +4,22 @@ PYTHON ?= python3
 BIN := .venv/bin
 INDEX := .venv/share/ament_index/resource_index/packages
 OUT ?= out
+# Real photos and a video for the suites that need them; without them the others are run.
+DATA ?= ../shared/data
+SUITES := quick planar layered regimes far light weak-texture big-change nochange authors
+REAL := $(if $(wildcard $(DATA)/aerial),photos video --data $(DATA))
 
 # The environment is an ament prefix; a ROS that the shell has sourced must not mix with its wheels.
 export AMENT_PREFIX_PATH := $(CURDIR)/.venv
 unexport PYTHONPATH LD_LIBRARY_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help demo test lint clean
+.PHONY: help demo test lint bench clean
 
 help:
 	@echo 'make demo    play the bag to the real node; report in $(OUT)/demo.html'
 	@echo 'make test    all tests, then the oracle tests without the JIT'
 	@echo 'make lint    ruff and mypy'
+	@echo 'make bench   all suites with all rivals (half an hour); benchmarks/RESULTS.md'
 	@echo 'make clean   remove .venv and everything built'
 	@echo 'PYTHON=python3.12 make ... chooses the interpreter of a new .venv'
 
@@ -29,6 +34,11 @@ lint: .venv/installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+bench: .venv/installed
+	@mkdir -p $(OUT)
+	$(BIN)/rsmb evaluate $(SUITES) $(REAL) --markdown benchmarks/RESULTS.md \
+		--report $(OUT)/bench.html --sheets $(OUT)/bench
 
 # Editable, so that tests and demo run the checkout, its data files included. pip then leaves the
 # ament index alone, so the package is registered by links, also to the checkout.

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rsmb_ros.core import warm_up
 from rsmb_ros.core.config import Config
-from rsmb_ros.core.errors import ConfigError
+from rsmb_ros.core.errors import ConfigError, FileProblem
 from rsmb_ros.evaluation.case import Case
 from rsmb_ros.evaluation.ours import NAME
 from rsmb_ros.evaluation.results import LEGEND, Results, outcome_line
@@ -73,11 +73,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure, print the tables, write what is asked for."""
     config = load_config(args)
-    names = list(KNOWN_METHODS) if args.methods == ALL_METHODS else args.methods.split(',')
+    asked = KNOWN_METHODS if args.methods == ALL_METHODS else args.methods.split(',')
+    names = list(dict.fromkeys(asked))
     methods = methods_of(names, config)
+    _check_outputs(args)
     sources = [_source(target, args) for target in args.targets]
-    if args.report is not None and args.report.suffix != '.html':
-        raise ConfigError(f'--report {args.report}: must end in .html')
+    called = [source.name for source in sources]
+    if len(set(called)) < len(called):  # their cases could not be told apart
+        raise ConfigError(f'two of {", ".join(args.targets)} have the same name')
     shown = NAME if NAME in names else names[0]
     about = {'suites': ' '.join(args.targets), 'nuisances': args.nuisances}
     results = Results(shown, {method.name: method.source for method in methods}, about)
@@ -86,14 +89,23 @@ def run(args: argparse.Namespace) -> int:
     with suppress(KeyboardInterrupt):  # what was measured until then is worth having
         _measure(sources, names, config, results)
     if results.scores:
-        _write(results, sources, args)
         print(results.as_text())
+        _write(results, sources, args)
     total = sum(source.count for source in sources)
-    done = len({score.case for score in results.scores})
+    done = len(results.scores) // len(names)
     if done < total:
         print(f'interrupted: {done} of {total} cases')
         raise KeyboardInterrupt
     return 0
+
+
+def _check_outputs(args: argparse.Namespace) -> None:
+    """Refuse before hours of work what could not be written after them."""
+    if args.report is not None and args.report.suffix != '.html':
+        raise ConfigError(f'--report {args.report}: must end in .html')
+    for path in (args.report, args.markdown):
+        if path is not None and not path.parent.is_dir():
+            raise FileProblem(f'{path}: cannot be written: no folder {path.parent}')
 
 
 def _source(target: str, args: argparse.Namespace) -> _Source:
@@ -113,7 +125,7 @@ def _source(target: str, args: argparse.Namespace) -> _Source:
     first = min(count, args.first or count)
     for _ in islice(cases_in(folder), first):  # a bad folder is refused before any work
         pass
-    return _Source(target, first, islice(cases_in(folder), first), {})
+    return _Source(folder.resolve().name, first, islice(cases_in(folder), first), {})
 
 
 def _measure(sources: list[_Source], names: list[str], config: Config, results: Results) -> None:

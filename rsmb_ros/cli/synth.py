@@ -130,6 +130,11 @@ def run(args: argparse.Namespace) -> int:
         return _write_suite(args)
     as_bag = args.output.suffix == '.mcap'
     nuisances = nuisances_of(args)
+    if nuisances.distortion and args.background and not args.vanished:
+        raise ConfigError(
+            '--nuisance distortion bends the reference too, but --background is one as it is'
+        )
+    quality = nuisances.jpeg_quality or args.jpeg_quality
     if as_bag:  # a bag stores what the camera would compress
         nuisances = replace(nuisances, jpeg_quality=0)
     timing = timing_of(args)
@@ -149,14 +154,17 @@ def run(args: argparse.Namespace) -> int:
     )
     background = read_image(args.background) if args.background else None
     flight = SyntheticFlight(plan, args.size or SIZE, background)
-    write = _write_bag if as_bag else _write_files
-    write(flight, args)
+    if as_bag:
+        _write_bag(flight, args, quality)
+    else:
+        _write_files(flight, args)
     print(f'{args.output}: {args.frames} live frames with truth')
     return 0
 
 
 def nuisances_of(args: argparse.Namespace) -> Nuisances:
     """Return what the camera adds, by ``--ideal``, ``--jpeg-quality`` and ``--nuisance``."""
+    kinds: dict[str, type] = {item.name: type(item.default) for item in fields(Nuisances)}
     values: dict[str, Any] = {}
     for text in args.nuisance:
         name, equals, number = text.partition('=')
@@ -164,14 +172,11 @@ def nuisances_of(args: argparse.Namespace) -> Nuisances:
             raise ConfigError(
                 f'--nuisance {text!r} must be NAME=VALUE, NAME one of {", ".join(RANGES)}'
             )
-        kinds: dict[str, type] = {item.name: type(item.default) for item in fields(Nuisances)}
-        low, high = RANGES[name]
+        kind = float if kinds[name] is float else int
         try:
-            values[name] = within(float, low, high)(number)
+            values[name] = kinds[name](within(kind, *RANGES[name])(number))
         except argparse.ArgumentTypeError as error:
             raise ConfigError(f'--nuisance {name}: {error}') from error
-        if kinds[name] in (int, bool):
-            values[name] = kinds[name](values[name])
     base = Nuisances() if args.ideal else replace(USUAL, jpeg_quality=args.jpeg_quality)
     return replace(base, **values)
 
@@ -192,6 +197,8 @@ def timing_of(args: argparse.Namespace) -> ShutterTiming:
 
 
 def _write_suite(args: argparse.Namespace) -> int:
+    if args.output.suffix == '.mcap':
+        raise ConfigError(f'--suite {args.suite} writes folders, not the bag {args.output}')
     suite = SUITES[args.suite]
     wish = Wish(args.size, args.nuisances, data_folder(args.data), args.first)
     suite.check(wish)
@@ -230,12 +237,12 @@ def _case(flight: SyntheticFlight, frame: SyntheticFrame) -> Case:
     )
 
 
-def _write_bag(flight: SyntheticFlight, args: argparse.Namespace) -> None:
+def _write_bag(flight: SyntheticFlight, args: argparse.Namespace, quality: int) -> None:
     factory = BagFactory()
     shape = flight.reference.shape[:2]
     with BagWriter(args.output) as bag:
         header = factory.header(START_NS, FRAME_ID)
-        reference = _jpeg(flight.reference, args.jpeg_quality)
+        reference = _jpeg(flight.reference, quality)
         bag.write(
             '/reference/image/compressed',
             factory.compressed(header, reference, 'jpeg'),
@@ -245,7 +252,7 @@ def _write_bag(flight: SyntheticFlight, args: argparse.Namespace) -> None:
         for frame in progress(flight.frames(), args.frames, 'synth'):
             stamp = START_NS + round(frame.time * 1e9)
             header = factory.header(stamp, FRAME_ID)
-            live = _jpeg(frame.live, args.jpeg_quality)
+            live = _jpeg(frame.live, quality)
             label = cv2.imencode('.png', frame.truth.label)[1].tobytes()
             info = factory.camera_info(header, shape, flight.camera.focal_px)
             bag.write('/camera_info', info, stamp)

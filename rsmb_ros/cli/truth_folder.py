@@ -62,7 +62,8 @@ def cases_in(folder: Path) -> Iterator[Case]:
     """
     found = folders_in(folder)
     for one in found:
-        name = folder.name if one == folder else f'{folder.name}/{one.name}'
+        top = folder.resolve().name  # of '.' too
+        name = top if one == folder else f'{top}/{one.name}'
         yield from _cases(one, name)
 
 
@@ -95,6 +96,7 @@ def _cases(folder: Path, name: str) -> Iterator[Case]:
     reference = read_image(folder / REFERENCE)
     about = _read_truth(folder / TRUTH)
     entries = {entry.get('frame'): entry for entry in about.get('frames', [])}
+    focal = _focal(folder, about)
     for live_path in _lives(folder):
         number = live_path.stem.removeprefix('live_')
         truth_path = folder / f'truth_{number}.png'
@@ -107,10 +109,9 @@ def _cases(folder: Path, name: str) -> Iterator[Case]:
             raise FileProblem(f'{truth_path}: holds labels {odd[:5]}, must be of {LABELS}')
         objects_path = folder / f'objects_{number}.png'
         objects = _map(objects_path, live) if objects_path.is_file() else _parts(label)
-        entry = entries.get(int(number)) if number.isdigit() else None
-        motion = _motion(folder, number, entry, about, live, reference) if entry else None
-        focal = about.get('focal_px')
-        yield Case(f'{name}/{number}', reference, live, label, objects, focal, motion, entry or {})
+        entry = entries.get(int(number), {}) if number.isdigit() else {}
+        motion = _motion(folder, number, entry, about, live, reference)
+        yield Case(f'{name}/{number}', reference, live, label, objects, focal, motion, entry)
 
 
 def _motion(
@@ -124,25 +125,54 @@ def _motion(
     """Return the true motion where the entry tells it."""
     if 'centroids' not in entry:
         return None
+    where = f'{folder / TRUTH}: frame {number}'
     rows, cols = live.shape[:2]
-    poses = np.asarray(entry['centroids'], np.float64)
-    focal = float(about.get('focal_px') or 0.0)
-    if poses.shape != (rows, 6) or focal <= 0:
-        raise FileProblem(
-            f'{folder / TRUTH}: frame {number} has centroids of shape {poses.shape}, must be '
-            f'({rows}, 6), and focal_px {focal:g}, must be above 0'
-        )
+    poses = _numbers(where, 'centroids', entry['centroids'], (rows, 6))
+    focal = _focal(folder, about)
+    if focal is None:
+        raise FileProblem(f'{where} has centroids, which need focal_px')
+    depths = _numbers(where, 'depths', entry.get('depths', []), None)
     layers_path = folder / f'layers_{number}.png'
     layers = _map(layers_path, live) if layers_path.is_file() else np.zeros((rows, cols), np.uint8)
+    if layers.max() > len(depths):
+        raise FileProblem(f'{layers_path}: holds layer {layers.max()} of {len(depths)} depths')
     grid = Grid((rows, cols), reference.shape[:2], focal)
     nuisances = entry.get('nuisances') or about.get('nuisances') or {}
+    bent = nuisances.get('distortion', 0.0) if isinstance(nuisances, Mapping) else 0.0
+    exposure = entry.get('exposure_rows')
     return TrueMotion(
-        places=places_of_poses(poses, grid, float(nuisances.get('distortion', 0.0))),
+        places=places_of_poses(poses, grid, float(_numbers(where, 'distortion', bent, ()))),
         centroids=poses,
         layers=layers,
-        depths=tuple(entry.get('depths', ())),
-        exposure_rows=float(entry.get('exposure_rows', float('nan'))),
+        depths=tuple(depths.tolist()),
+        exposure_rows=float(
+            np.nan if exposure is None else _numbers(where, 'exposure_rows', exposure, ())
+        ),
     )
+
+
+def _focal(folder: Path, about: Mapping[str, Any]) -> float | None:
+    """Return the focal length of a folder [px], None: unknown."""
+    if about.get('focal_px') is None:
+        return None
+    focal = float(_numbers(f'{folder / TRUTH}:', 'focal_px', about['focal_px'], ()))
+    if focal <= 0:
+        raise FileProblem(f'{folder / TRUTH}: focal_px is {focal:g}, must be above 0')
+    return focal
+
+
+def _numbers(where: str, name: str, value: Any, shape: tuple[int, ...] | None) -> np.ndarray:
+    """Return finite numbers of a shape, or of any length for None."""
+    try:
+        array = np.asarray(value, np.float64)
+    except (TypeError, ValueError) as error:
+        raise FileProblem(f'{where} {name}: {str(value)[:40]} are no numbers') from error
+    if array.ndim != 1 if shape is None else array.shape != shape:
+        wanted = 'a list' if shape is None else shape
+        raise FileProblem(f'{where} has {name} of shape {array.shape}, must be {wanted}')
+    if not np.isfinite(array).all():
+        raise FileProblem(f'{where} has {name} that are not finite')
+    return array
 
 
 def _map(path: Path, live: np.ndarray) -> np.ndarray:
@@ -168,6 +198,11 @@ def _read_truth(path: Path) -> dict[str, Any]:
         content = json.loads(path.read_text('utf-8'))
     except (OSError, ValueError) as error:
         raise FileProblem(f'{path}: cannot be read: {error}') from error
-    if not isinstance(content, dict) or not isinstance(content.get('frames', []), list):
-        raise FileProblem(f'{path}: must hold an object with a list of frames')
+    frames = content.get('frames', []) if isinstance(content, dict) else None
+    if not isinstance(frames, list) or not all(map(_is_entry, frames)):
+        raise FileProblem(f'{path}: must hold an object with a list of frames, each with a number')
     return content
+
+
+def _is_entry(entry: Any) -> bool:
+    return isinstance(entry, dict) and isinstance(entry.get('frame'), int)

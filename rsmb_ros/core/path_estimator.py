@@ -26,7 +26,7 @@ CHUNKS = 8  # blocks of rows, summed in this order whatever the number of thread
 ROW_STEP = 4  # rows between rows of points, at full size
 BIN_WIDTH = 7  # px per point, at full size
 POINT_STEP = 1.0  # px of the level between instants of the exposure
-SWITCHED_OFF = -1e9  # display value of a point that must not count
+SWITCHED_OFF = -1.0  # display value of a point that must not count
 NO_RESIDUAL = 1e8  # residuals above this mark points without reference
 MIN_SIGMA = 1.0  # grey levels; no camera is quieter
 

@@ -94,7 +94,7 @@ class Results:
         lines += [f'* `{name}`: {source}' for name, source in self._sources.items()]
         lines += ['', '## Suites', '']
         for name, said in frequencies.items():
-            lines += [f'* **{name}**: {"; ".join(said)}']
+            lines += [f'* **{name}**: {"; ".join(said) or "as it is"}']
         for table, suite in zip(self.tables(), self.suites, strict=True):
             lines += ['', f'## {suite}', '', markdown(table)]
             lines += [f'* {line}' for line in self._worst_lines(suite)]

@@ -95,7 +95,8 @@ def accumulate(
 
     `misplaced` [px] is how far an edge may be from its place for reasons that are not the camera.
     Residuals are in display grey levels: live - display(gain * mean over the exposure + bias).
-    `residuals` gets 1e9 where a point has no reference.
+    Points with a negative value are switched off. `residuals` gets 1e9 where a point is off or has
+    no reference.
     """
     points = columns.shape[1]
     knots = control.shape[0]
@@ -140,7 +141,7 @@ def accumulate(
             mean_x[p] = 0.0
             mean_y[p] = 0.0
             stretch[p] = 0.0
-            inside[p] = 1.0
+            inside[p] = 1.0 if values[r, p] >= 0.0 else 0.0  # switched off: must not pull at all
         for k in range(count):
             offset = (k + 0.5) / count - 0.5
             j, fraction = span(times[r] + offset * exposure, first_time, knot_rows, knots)

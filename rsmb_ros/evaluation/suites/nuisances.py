@@ -20,6 +20,7 @@ class Range(NamedTuple):
 
 
 NONE: Mapping[str, Range] = {}
+LINEAR = {'gamma': Range(1.0, 1.0, 1.0)}  # intensities are added as they are
 ALL: Mapping[str, Range] = {
     'gain': Range(1.0, 0.8, 1.25),
     'bias': Range(0.3, -1.5, 3.0),
@@ -60,6 +61,8 @@ def described(ranges: Mapping[str, Range]) -> str:
     """Say how often each nuisance occurs."""
     if not ranges:
         return 'no nuisances: no noise, no JPEG, the tone curve known'
+    if ranges == LINEAR:
+        return 'no nuisances: no noise, no JPEG, intensities summed as they are'
     parts = []
     for name, (share, low, high) in ranges.items():
         span = '' if low == high else f' {low:g} to {high:g}'

@@ -42,10 +42,11 @@ _RECIPES = (
     quiet(Recipe(regimes=('RS', 'GSMB'))),
 )
 _PHOTO_CASES = 24
-# The video has its own noise and compression; the camera that looks at it adds its own.
-_VIDEO_RECIPE = Recipe(
-    offset=(0.0, 0.03), nuisances={name: r for name, r in ALL.items() if name != 'overexposure'}
-)
+# The video has its own noise and compression; the camera that looks at it adds its own. What bends
+# or clips the reference too is left out: frame 0 is taken as it is.
+_OF_BOTH = ('overexposure', 'distortion')
+_VIDEO_NUISANCES = {name: spread for name, spread in ALL.items() if name not in _OF_BOTH}
+_VIDEO_RECIPE = Recipe(offset=(0.0, 0.03), nuisances=_VIDEO_NUISANCES)
 
 
 def photos_suite() -> Suite:
@@ -97,7 +98,8 @@ def _photo_cases(wish: Wish) -> Iterator[Case]:
 def _video_cases(wish: Wish) -> Iterator[Case]:
     frames = _frames(data_of(wish, 'video', (VIDEO,)) / VIDEO, (0, *VIDEO_FRAMES))
     reference = frames[0]
-    recipe = wished(_VIDEO_RECIPE, wish)
+    # `all` are those that frame 0 allows
+    recipe = wished(_VIDEO_RECIPE, wish) if wish.nuisances == 'none' else _VIDEO_RECIPE
     for n, number in enumerate(VIDEO_FRAMES[: wish.first]):
         yield _video_case(recipe, reference, frames[number], n, number)
 
@@ -115,7 +117,8 @@ def _video_case(
     live, truth = live_frame(
         scene, vehicles(reference, frame), grid, flown.path, flown.timing, nuisances, rng
     )
-    case = case_of(f'video/{number:03d}', reference, live, truth, grid.focal_px, flown.about)
+    about = {**flown.about, 'objects': list(truth.names), 'nuisances': nuisances.as_dict()}
+    case = case_of(f'video/{number:03d}', reference, live, truth, grid.focal_px, about)
     assert case.motion is not None
     return replace(case, motion=replace(case.motion, clean=None))  # it holds the vehicles
 

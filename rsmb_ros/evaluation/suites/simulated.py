@@ -8,7 +8,7 @@ import numpy as np
 
 from rsmb_ros.core.synthesis import Style
 
-from .nuisances import NONE, STRONG_LIGHT
+from .nuisances import LINEAR, STRONG_LIGHT
 from .recipe import Recipe
 from .suite import Suite, drawn_suite
 
@@ -42,9 +42,9 @@ _THREE = np.array([1.0, 1.0, 0.02, 0.0, 0.0, 0.0])  # t_x, t_y, r_z
 _FREE = Recipe(
     components=_THREE,
     stairs=(20, 3),
-    nuisances=NONE,
+    nuisances=LINEAR,
     motions=('smooth', 'jello', 'walk'),
-    blur_px=(3.0, 8.0),
+    blur_px=(2.0, 6.0),
     sway_px=(5.0, 20.0),
     offset=(0.0, 0.02),
     zoom=(0.0, 0.0),
