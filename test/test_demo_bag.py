@@ -18,7 +18,7 @@ from rsmb_ros.cli.main import main
 BAG = Path(__file__).parents[1] / 'bags' / 'demo.mcap'
 DEMO_S = 240.0  # deadline of the demo: 20 frames at 0.5 Hz and a cold start
 FRAMES = 20
-PRESENT = {'car': 15, 'container': 10}  # frames that hold them
+PRESENT = {'object 1': 15, 'object 2': 10}  # frames that hold them
 
 
 @pytest.fixture(scope='module')

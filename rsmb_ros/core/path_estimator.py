@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
@@ -17,7 +18,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from ._kernels.fit import BIAS_SCALE, EXTRA, accumulate, strongest_gradients
 from .coarse import StripMatches, start_path
 from .config import Config
-from .motion import CameraPath, Grid
+from .motion import CameraPath, Grid, still_path
 from .photometric import Light, to_display
 from .sampling import half_pixel, pyramid
 
@@ -32,7 +33,8 @@ MIN_SIGMA = 1.0  # grey levels; no camera is quieter
 
 # Per pyramid level, full size first; the last entry serves all coarser ones.
 ITERATIONS = (8, 16, 20)
-STOP_STEP = (0.015, 0.05, 0.1)  # px, rms of a step of the control points
+STOP_STEP = (0.03, 0.12, 0.5)  # px, how far a step still moves the worst row
+ROW_SEEN = 0.2  # share of a row's points that must lie in the reference for it to be waited for
 # Stiffness at the first and from the fourth iteration: an object at another depth must not bend
 # the path while it is far off; a shaken camera must bend it in the end.
 STIFFNESS = ((0.1, 0.003), (1.0, 0.1), (1.0, 0.1))
@@ -43,9 +45,14 @@ MISPLACED = ((0.5, 0.1), (0.5, 0.5), (0.5, 0.5))
 # How reluctantly each path coordinate bends and changes; a row alone hardly sees the tilt.
 BEND = np.array([0.1, 0.1, 0.2, 0.4, 2.0, 2.0])
 SLOPE = np.array([0.0, 0.0, 0.0, 0.05, 2.0, 8.0])
+# Mean square of what 1 px of each path coordinate moves the pixels of a 4:3 frame [px^2].
+REACH = np.array([1.0, 1.0, 0.5, 0.5, 0.3, 0.2])
 TILT_SIGMA = 4.0  # px at half width, prior on the perspective terms (1.3 deg at f = 0.9 width)
+MOST_CHANGE = 1.6  # of the exposure while one image size is fitted
 EXPOSURE_SIGMA = 0.3  # relative prior on the exposure while it is estimated
 COLD_EXPOSURES = (3.0, 12.0, 36.0, 90.0, 200.0)  # rows, tried when nothing is known
+TRIAL = 4  # iterations each of them gets at half size
+FINALISTS = 2  # of them that are fitted until they stand
 
 
 @dataclass(frozen=True)
@@ -155,18 +162,27 @@ class PathEstimator:
     def _start(self, matches: StripMatches, exposure: float) -> PathFit:
         bottom_up = self._config.shutter.readout == 'bottom_up'
         knot_rows = self._config.registration.knot_rows
-        longest = 1.6 * exposure + 4.0
+        longest = _longest(exposure)
         path = start_path(matches, self._grid, knot_rows, exposure, longest, bottom_up)
         return PathFit(path, Light.same(), 12.0, np.inf, np.zeros((0, 0)), 0.0)
 
     def _self_calibrated(self, points: Sequence[_Points], matches: StripMatches) -> PathFit:
-        """Try several exposures on small images, finish with the one that fits best."""
+        """
+        Try several exposures and finish with the one that fits best.
+
+        The smallest image cannot tell them apart and is fitted once; at half size all are tried
+        for a few iterations, the best of them until they stand.
+        """
         finest = min(1, len(self._levels) - 1)
-        longest = 0.8 * self._grid.live_shape[0]
+        tried = [e for e in COLD_EXPOSURES if e <= 0.8 * self._grid.live_shape[0]]
+        middle = tried[len(tried) // 2]
+        start = self._fit_levels(points, self._start(matches, middle), finest + 1, False)
         fits = [
-            self._fit_levels(points, self._start(matches, exposure), finest, True)
-            for exposure in [e for e in COLD_EXPOSURES if e <= longest] or [longest]
+            self._fit_level(finest, points[finest], _with_exposure(start, exposure), True, TRIAL)
+            for exposure in tried
         ]
+        fits = sorted(fits, key=lambda fit: fit.cost)[:FINALISTS]
+        fits = [self._fit_level(finest, points[finest], fit, True) for fit in fits]
         best = min(fits, key=lambda fit: fit.cost)
         return self._fit_levels(points[:finest], best, 0, True)
 
@@ -178,22 +194,38 @@ class PathEstimator:
             fit = self._fit_level(n, points[n], fit, free_exposure and n <= 1)
         return fit
 
-    def _fit_level(self, n: int, points: _Points, fit: PathFit, free_exposure: bool) -> PathFit:
+    def _fit_level(
+        self, n: int, points: _Points, fit: PathFit, free_exposure: bool, most: int | None = None
+    ) -> PathFit:
         stage = min(n, len(ITERATIONS) - 1)
         start_exposure = fit.path.exposure_rows
-        for iteration in range(ITERATIONS[stage]):
+        step, share = np.zeros(fit.path.control.shape[0] * self._dof + EXTRA), 1.0
+        for iteration in range(most or ITERATIONS[stage]):
             tukey = n == 0 and iteration > 0  # before that the ends of a frame may be far off
             first, last = MISPLACED[stage]
             misplaced = first * (last / first) ** min(1.0, iteration / RELAXED_AFTER)
             system = self._linearise(n, points, fit, misplaced, tukey)
             priors = self._priors(n, iteration, free_exposure, start_exposure)
             normal, gradient = _with_priors(system, fit, priors)
-            step = _step(normal, gradient)
+            before, step = step, _step(normal, gradient)
+            # a step that turns back has gone too far, as weakly held ends of a frame do for ever
+            share = max(0.25, 0.5 * share) if step @ before < 0 else min(1.0, 1.5 * share)
+            step *= share
             fit = _stepped(fit, step, system, self._dof, start_exposure)
-            size = np.sqrt(np.mean(step[:-EXTRA] ** 2))
-            if size < STOP_STEP[stage] and iteration >= RELAXED_AFTER:
+            if (
+                iteration >= RELAXED_AFTER
+                and self._row_step(fit.path, system, step) < STOP_STEP[stage]
+            ):
                 break
         return replace(fit, information=normal / fit.sigma**2)
+
+    def _row_step(self, path: CameraPath, system: _System, step: np.ndarray) -> float:
+        """Return how far a step moves the row it moves most, of those that are seen [px]."""
+        seen = (system.misfit < NO_RESIDUAL).mean(axis=1) > ROW_SEEN
+        if not seen.any():
+            return 0.0
+        moved = path.spline_basis(system.times[seen]) @ step[:-EXTRA].reshape(-1, self._dof)
+        return float(np.sqrt((moved**2 @ REACH[: self._dof]).max()))
 
     @property
     def _dof(self) -> int:
@@ -225,7 +257,7 @@ class PathEstimator:
             )  # fmt: skip
 
         _run_all(self._executor, run, CHUNKS)
-        return _System(normal.sum(axis=0), gradient.sum(axis=0), np.abs(residuals))
+        return _System(normal.sum(axis=0), gradient.sum(axis=0), np.abs(residuals), times)
 
     def _priors(self, n: int, iteration: int, free_exposure: bool, exposure: float) -> _Priors:
         first, last = STIFFNESS[min(n, len(STIFFNESS) - 1)]
@@ -237,6 +269,21 @@ class PathEstimator:
         return _Priors(stiffness, tuple(fixed), exposure, self._dof)
 
 
+def _longest(exposure: float) -> float:
+    """Longest exposure the knots of a path must cover when it starts from `exposure` [rows]."""
+    return MOST_CHANGE * exposure + 4.0
+
+
+def _with_exposure(fit: PathFit, exposure: float) -> PathFit:
+    """Return the fit with another exposure, its path on knots that cover that one."""
+    old = fit.path
+    new = still_path(old.grid, old.knot_rows, exposure, _longest(exposure), old.bottom_up)
+    knots = new.first_time + new.knot_rows * np.arange(0.0, len(new.control) - 2.5, 0.5)
+    basis = new.spline_basis(knots)
+    control, *_ = np.linalg.lstsq(basis, old.coordinates(knots), rcond=None)
+    return replace(fit, path=replace(new, control=control))
+
+
 @dataclass(frozen=True)
 class _System:
     """Normal equations at one linearisation."""
@@ -244,6 +291,7 @@ class _System:
     normal: np.ndarray  # (D, D), lower triangle
     gradient: np.ndarray  # (D,)
     misfit: np.ndarray  # (R, P) absolute residuals [grey levels]
+    times: np.ndarray  # (R,) of the rows of points [rows]
 
 
 @dataclass(frozen=True)
@@ -289,6 +337,7 @@ def _step(normal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
         return np.zeros(len(gradient))
 
 
+@cache
 def _smoothness(knots: int, dof: int) -> np.ndarray:
     """Penalty on slope and bend of each path coordinate, knots x coordinates interleaved."""
     first, second = (np.diff(np.eye(knots), n, axis=0) for n in (1, 2))
@@ -316,7 +365,9 @@ def _stepped(
     extra = step[-EXTRA:]
     # within the span that the knots cover, and no leap in one step
     change = np.clip(extra[5], -0.2 * path.exposure_rows, 0.2 * path.exposure_rows)
-    exposure = np.clip(path.exposure_rows + change, 0.4 * start_exposure, 1.6 * start_exposure)
+    exposure = np.clip(
+        path.exposure_rows + change, start_exposure * 0.4, start_exposure * MOST_CHANGE
+    )
     seen = system.misfit[system.misfit < NO_RESIDUAL]
     sigma = max(MIN_SIGMA, 1.4826 * float(np.median(seen))) if seen.size else fit.sigma
     return PathFit(

@@ -122,7 +122,7 @@ def blur_rows(
             if lo >= hi:
                 break
             bend = 2.0 * abs(h[6]) + 1e-12
-            piece = max(8, int(min(math.sqrt(8.0 * BENT / bend), 1e5)))
+            piece = max(2, int(min(math.sqrt(8.0 * BENT / bend), 1e5)))
             begin = lo
             u, v = half_place(h, a0, b0, c0, begin, center)
             while begin < hi:
