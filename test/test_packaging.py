@@ -30,6 +30,7 @@ ROS = {
 NO_WHEEL = {'launch', 'launch_ros'}
 WITH_RCLPY = {'rcl_interfaces'}
 ROS_IF_PRESENT = {'vision_msgs'}
+IF_PRESENT = {'osqp'}  # in an extra of its own: ROS has no key for it
 # imported name -> (distribution on PyPI, rosdep key)
 LIBRARIES = {
     'cv2': ('opencv-python-headless', 'python3-opencv'),
@@ -123,7 +124,8 @@ def test_every_folder_of_code_is_a_package(build):
 def test_every_library_imported_is_declared_to_pip_and_rosdep(build, manifest):
     required = {re.match('[a-z0-9-]+', entry)[0] for entry in build['install_requires']}
     depends = {element.text for element in manifest.iter('exec_depend')}
-    used = third_party() - ROS - ROS_IF_PRESENT
+    used = third_party() - ROS - ROS_IF_PRESENT - IF_PRESENT
+    assert {re.match('[a-z]+', name)[0] for name in build['extras_require']['osqp']} == IF_PRESENT
     assert used <= set(LIBRARIES), 'add the new ones here, to setup.py and to package.xml'
     assert required == {LIBRARIES[name][0] for name in used}
     assert depends - ROS == {LIBRARIES[name][1] for name in used}

@@ -7,6 +7,7 @@ of rows are matched around it and a smooth camera path is laid through their dis
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -23,6 +24,9 @@ EDGE = 3  # px of room that a piece needs to the reference's edge
 MIN_CONTRAST = 2.0  # grey levels; flatter patches say nothing
 MIN_PEAK = 0.4  # normalised correlation of a strip that counts
 SPLINE_SAMPLES = 8  # instants per exposure in the start's design matrix
+
+
+_Piece = tuple[float, ...]  # X, Y, shift x, y, weight x, y of one matched piece (reduced px)
 
 
 @dataclass(frozen=True)
@@ -54,11 +58,37 @@ class CoarseSearch:
         """
         small = _reduced(live, self._factor)
         corner, peak = self._vote(small)
-        rows = list(self._strips(small, corner))
-        table = np.array(rows) if rows else np.zeros((0, 6))
+        found = self._tracked(small, corner)
+        table = np.array(found) if found else np.zeros((0, 6))
         table[:, :4] *= self._factor
         offset = self._shift_of(small.shape, corner) * self._factor
         return StripMatches(table[:, :2], table[:, 2:4], table[:, 4:], offset, peak)
+
+    def _tracked(self, small: np.ndarray, corner: np.ndarray) -> list[_Piece]:
+        """
+        Match bands of rows, each near where its neighbour lies: a frame may bend far.
+
+        Starts at the band that matches best at the voted place and goes both ways.
+        """
+        height = max(8, small.shape[0] // STRIPS)
+        tops = range(0, small.shape[0] - height + 1, height)
+        at_vote = [list(self._band(small, top, height, corner)) for top in tops]
+        trust = [sum(min(piece[4], piece[5]) for piece in band) for band in at_vote]
+        anchor = int(np.argmax(trust))
+        bands = {anchor: at_vote[anchor]}
+        for order in (range(anchor + 1, len(tops)), range(anchor - 1, -1, -1)):
+            place = self._moved(small.shape, bands[anchor], corner)
+            for n in order:
+                bands[n] = list(self._band(small, tops[n], height, place))
+                place = self._moved(small.shape, bands[n], place)
+        return [piece for n in sorted(bands) for piece in bands[n]]
+
+    def _moved(self, shape: tuple[int, ...], band: list[_Piece], corner: np.ndarray) -> np.ndarray:
+        """Return the live corner's place by the matches of one band, `corner` without any."""
+        if not band:
+            return corner
+        best = max(band, key=lambda piece: min(piece[4], piece[5]))
+        return np.array(best[2:4]) - self._shift_of(shape, corner * 0.0)
 
     def _shift_of(self, shape: tuple[int, int], corner: np.ndarray) -> np.ndarray:
         """Displacement of the centre when the live corner lies at `corner` x, y (reduced px)."""
@@ -104,36 +134,36 @@ class CoarseSearch:
         scores = np.nan_to_num(scores, nan=0.0, posinf=0.0, neginf=0.0)
         return np.clip(scores, 0.0, 1.0) * textured
 
-    def _strips(self, small: np.ndarray, corner: np.ndarray):
-        """Yield X, Y, shift x, shift y, weight x, weight y of each matched piece (reduced px)."""
-        rows, cols = small.shape
-        height = max(8, rows // STRIPS)
+    def _band(
+        self, small: np.ndarray, top: int, height: int, corner: np.ndarray
+    ) -> Iterator[_Piece]:
+        """Match the pieces of one band of rows around the live corner's place (reduced px)."""
+        cols = small.shape[1]
         width = cols // PARTS
         reach = max(6, round(0.06 * cols))
         at = np.round(corner).astype(int)
         ref_rows, ref_cols = self._reference.shape
         base = self._shift_of(small.shape, corner * 0.0)
-        for top in range(0, rows - height + 1, height):
-            for left in range(0, cols - width + 1, width):
-                # the part of the piece that the reference can show within reach
-                r0, r1 = max(top, EDGE - at[1]), min(top + height, ref_rows - at[1] - EDGE)
-                c0, c1 = max(left, EDGE - at[0]), min(left + width, ref_cols - at[0] - EDGE)
-                if r1 - r0 < 5 or c1 - c0 < 12:
-                    continue
-                piece = small[r0:r1, c0:c1]
-                if piece.std() < MIN_CONTRAST:
-                    continue
-                begin = (max(0, r0 + at[1] - reach), max(0, c0 + at[0] - reach))
-                end = (min(ref_rows, r1 + at[1] + reach), min(ref_cols, c1 + at[0] + reach))
-                scores = self._correlate(piece, begin, end)
-                found = _sub_pixel_peak(scores)
-                if found is None:
-                    continue
-                dx, dy, peak, sharp_x, sharp_y = found
-                place = ((c0 + c1 - cols) / 2.0, (r0 + r1 - rows) / 2.0)
-                shift = (begin[1] + dx - c0 + base[0], begin[0] + dy - r0 + base[1])
-                trust = peak - MIN_PEAK + 0.05
-                yield *place, *shift, min(1.0, 5 * sharp_x) * trust, min(1.0, 5 * sharp_y) * trust
+        for left in range(0, cols - width + 1, width):
+            # the part of the piece that the reference can show within reach
+            r0, r1 = max(top, EDGE - at[1]), min(top + height, ref_rows - at[1] - EDGE)
+            c0, c1 = max(left, EDGE - at[0]), min(left + width, ref_cols - at[0] - EDGE)
+            if r1 - r0 < 5 or c1 - c0 < 12:
+                continue
+            piece = small[r0:r1, c0:c1]
+            if piece.std() < MIN_CONTRAST:
+                continue
+            begin = (max(0, r0 + at[1] - reach), max(0, c0 + at[0] - reach))
+            end = (min(ref_rows, r1 + at[1] + reach), min(ref_cols, c1 + at[0] + reach))
+            scores = self._correlate(piece, begin, end)
+            found = _sub_pixel_peak(scores)
+            if found is None:
+                continue
+            dx, dy, peak, sharp_x, sharp_y = found
+            place = ((c0 + c1 - cols) / 2.0, (r0 + r1 - small.shape[0]) / 2.0)
+            shift = (begin[1] + dx - c0 + base[0], begin[0] + dy - r0 + base[1])
+            trust = peak - MIN_PEAK + 0.05
+            yield *place, *shift, min(1.0, 5 * sharp_x) * trust, min(1.0, 5 * sharp_y) * trust
 
 
 def start_path(

@@ -24,7 +24,7 @@ from .errors import FrameError
 from .evidence import NoiseTable, evidence
 from .frame import BlankViews, RegisteredFrame
 from .layers import DepthSearch, Layer
-from .motion import Grid
+from .motion import Grid, moved_px
 from .path_estimator import PathEstimator, row_uncertainty
 from .photometric import luma, to_linear
 from .reference import Reference
@@ -37,6 +37,8 @@ MIN_CONTRAST = 1.5  # grey levels; an image flatter than this has no texture
 # Share of the frame that must misfit before the path is fitted again without it: an object whose
 # texture outdoes the ground's has bent the path, and no single depth then explains it.
 LARGE_MISFIT = 0.005
+REFITS = 3  # at most: where much of a frame is no ground, one is not enough
+STILL = 0.25  # px; a fit that has moved no row further needs no other
 _BLAS = ThreadpoolController()
 
 
@@ -124,18 +126,22 @@ class Detector:
         if self.config.layers.enabled and seen.mask.any():
             with clock.step('layers'):
                 layers = self._layers(frame, seen)
-        foreground = self._foreground(frame, seen, layers)
-        if foreground.any():
+        for _ in range(REFITS):
+            foreground = self._foreground(frame, seen, layers)
+            if not foreground.any():
+                break
             # what is known not to be ground must not have bent the path
             with clock.step('refine'):
-                fit = estimator.refine(linear, fit, foreground)
+                before, fit = fit, estimator.refine(linear, fit, foreground)
                 frame = RegisteredFrame(self._reference, live, grey, fit, self._executor)
                 seen = self._evidence(frame)
-        if layers or (foreground.any() and self.config.layers.enabled):
-            with clock.step('layers again'):
-                layers = self._layers(frame, seen, layers)
-                frame.put_in_front(layers)
-                seen = self._evidence(frame)
+            if self.config.layers.enabled:
+                with clock.step('layers again'):
+                    layers = self._layers(frame, seen, layers)
+                    frame.put_in_front(layers)
+                    seen = self._evidence(frame)
+            if moved_px(before.path, fit.path) < STILL:
+                break
         return self._registered(frame, seen, layers, clock)
 
     @staticmethod
@@ -277,7 +283,8 @@ class _Clock:
     def step(self, name: str) -> Iterator[None]:
         begin = time.perf_counter()
         yield
-        self.timings_ms[name] = 1e3 * (time.perf_counter() - begin)
+        spent = 1e3 * (time.perf_counter() - begin)
+        self.timings_ms[name] = self.timings_ms.get(name, 0.0) + spent
 
 
 def warm_up(config: Config = Config()) -> None:

@@ -107,6 +107,12 @@ class CameraPath:
         return homographies(self.row_centroids(), self.grid, relative_depth)
 
 
+def moved_px(one: CameraPath, other: CameraPath) -> float:
+    """Return how far two paths of the same frame place the middle of their rows apart, at most."""
+    apart = one.row_centroids()[:, :2] - other.row_centroids()[:, :2]
+    return float(np.hypot(*apart.T).max())
+
+
 def still_path(
     grid: Grid, knot_rows: float, exposure_rows: float, longest_exposure: float, bottom_up: bool
 ) -> CameraPath:
