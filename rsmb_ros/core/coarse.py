@@ -83,7 +83,7 @@ class CoarseSearch:
                 place = self._moved(small.shape, bands[n], place)
         return [piece for n in sorted(bands) for piece in bands[n]]
 
-    def _moved(self, shape: tuple[int, ...], band: list[_Piece], corner: np.ndarray) -> np.ndarray:
+    def _moved(self, shape: tuple[int, int], band: list[_Piece], corner: np.ndarray) -> np.ndarray:
         """Return the live corner's place by the matches of one band, `corner` without any."""
         if not band:
             return corner

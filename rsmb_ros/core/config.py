@@ -73,6 +73,10 @@ def _switch(default: bool, doc: str) -> Any:
     return field(default=default, metadata={'unit': '-', 'doc': doc})
 
 
+ESTIMATORS = ('path', 'rows')
+SOLVERS = ('active_set', 'osqp')
+
+
 @dataclass(frozen=True)
 class CameraConfig:
     """Intrinsics and tone curve of the live camera."""
@@ -99,8 +103,16 @@ class ShutterConfig:
 class RegistrationConfig:
     """Camera path of the live frame relative to the reference (Eq. 6)."""
 
+    estimator: str = _choice(
+        'path',
+        ESTIMATORS,
+        'path: one camera path a frame; rows: each row alone, as the report does',
+    )
+    solver: str = _choice(
+        'active_set', SOLVERS, 'of rows: ours, or OSQP as a slow cross-check (pip install osqp)'
+    )
     degrees_of_freedom: int = _choice(
-        6, (2, 3, 4, 6), '2: t_x t_y, 3: + r_z, 4: + scale, 6: + r_x r_y'
+        6, (2, 3, 4, 6), '2: t_x t_y, 3: + r_z, 4: + scale (not rows), 6: + r_x r_y'
     )
     knot_rows: float = _number(
         24.0, 'rows', 4.0, 1000.0, 'distance of the knots of the camera path; less = livelier path'
@@ -191,6 +203,13 @@ class Config:
             raise ConfigError(
                 f'change.threshold_low = {self.change.threshold_low!r} must be below '
                 f'change.threshold_high = {self.change.threshold_high!r}'
+            )
+
+        registration = self.registration
+        if registration.estimator == 'rows' and registration.degrees_of_freedom == 4:
+            raise ConfigError(
+                'registration.degrees_of_freedom = 4 is not for registration.estimator = rows: '
+                'must be 2, 3 or 6'
             )
 
     @classmethod

@@ -22,12 +22,12 @@ from .coarse import CoarseSearch
 from .config import Config
 from .errors import FrameError
 from .evidence import NoiseTable, evidence
-from .frame import BlankViews, RegisteredFrame
+from .frame import BlankViews, PathStage, RegisteredFrame
 from .layers import DepthSearch, Layer
 from .motion import Grid, moved_px
-from .path_estimator import PathEstimator, row_uncertainty
-from .photometric import luma, to_linear
+from .photometric import luma
 from .reference import Reference
+from .row_frame import RowStage
 from .segmentation import Blob, blobs, candidates, without_small, without_thin
 from .types import NOT_REGISTERED, REGISTERED, Region, Result
 
@@ -70,7 +70,7 @@ class Detector:
         self._camera = camera
         self._executor = ThreadPoolExecutor(config.worker.threads, 'rsmb')
         self._reference = Reference(self.reference, config.camera.gamma)
-        self._stages: dict[tuple[int, int], tuple[CoarseSearch, PathEstimator]] = {}
+        self._stages: dict[tuple[int, int], tuple[CoarseSearch, PathStage | RowStage]] = {}
 
     def camera_for(self, width: int) -> Camera:
         """Return the intrinsics used for live frames of `width` px."""
@@ -109,14 +109,11 @@ class Detector:
         problem = self._without_texture(grey)
         if problem:
             return self._not_registered(live, problem, clock)
-        coarse, estimator = self._stages_for(grey.shape)
-        linear = to_linear(grey, self.config.camera.gamma)
+        coarse, stage = self._stages_for(grey.shape)
         with clock.step('coarse'):
             matches = coarse.match(grey)
-        with clock.step('path'):
-            fit = estimator.estimate(linear, matches)
-        with clock.step('render'):
-            frame = RegisteredFrame(self._reference, live, grey, fit, self._executor)
+        with clock.step('registration'):
+            frame: RegisteredFrame = stage.frame(live, grey, matches)
             problem = self._misfit(frame)
         if problem:
             return self._not_registered(live, problem, clock)
@@ -132,15 +129,14 @@ class Detector:
                 break
             # what is known not to be ground must not have bent the path
             with clock.step('refine'):
-                before, fit = fit, estimator.refine(linear, fit, foreground)
-                frame = RegisteredFrame(self._reference, live, grey, fit, self._executor)
+                before, frame = frame, stage.refined(frame, foreground)
                 seen = self._evidence(frame)
             if self.config.layers.enabled:
                 with clock.step('layers again'):
                     layers = self._layers(frame, seen, layers)
                     frame.put_in_front(layers)
                     seen = self._evidence(frame)
-            if moved_px(before.path, fit.path) < STILL:
+            if moved_px(before.path, frame.path) < STILL:
                 break
         return self._registered(frame, seen, layers, clock)
 
@@ -157,30 +153,30 @@ class Detector:
     ) -> Result:
         mask = without_small(without_thin(seen.mask * frame.judged), self.config.change)
         regions = [*self._changes(mask, seen.strength), *map(_static_region, layers)]
-        path = frame.fit.path
         return Result(
             status=REGISTERED,
             reason='',
             change_mask=mask * np.uint8(255),
             valid_mask=frame.judged * np.uint8(255),
             residual=np.where(frame.judged, frame.residual, np.float32(0.0)),
-            row_motion=path.row_motion(),
-            row_uncertainty=row_uncertainty(frame.fit),
+            row_motion=frame.row_motion,
+            row_uncertainty=frame.row_uncertainty,
             regions=tuple(regions),
-            exposure_rows=path.exposure_rows,
-            gain=float(frame.fit.light.gain[0]),
+            exposure_rows=frame.exposure_rows,
+            gain=frame.gain,
             timings_ms=clock.timings_ms,
             views=frame,
         )
 
-    def _stages_for(self, shape: tuple[int, int]) -> tuple[CoarseSearch, PathEstimator]:
+    def _stages_for(self, shape: tuple[int, int]) -> tuple[CoarseSearch, PathStage | RowStage]:
         """Return what depends on the live frame's size, prepared once per size."""
         if shape not in self._stages:
             grid = Grid(shape, self._reference.grey.shape, self.camera_for(shape[1]).focal_px)
             fraction = self.config.registration.search_fraction
             coarse = CoarseSearch(self._reference.grey, grid, fraction)
-            estimator = PathEstimator(self._reference.linear, grid, self.config, self._executor)
-            self._stages = {shape: (coarse, estimator)}  # one size at a time: memory
+            kind = RowStage if self.config.registration.estimator == 'rows' else PathStage
+            stage = kind(self._reference, grid, self.config, self._executor)
+            self._stages = {shape: (coarse, stage)}  # one size at a time: memory
         return self._stages[shape]
 
     def _without_texture(self, grey: np.ndarray) -> str:
@@ -226,7 +222,7 @@ class Detector:
         self, frame: RegisteredFrame, seen: _Evidence, known: Sequence[Layer] = ()
     ) -> list[Layer]:
         """Find the static objects among the candidates."""
-        path, config = frame.fit.path, self.config
+        path, config = frame.path, self.config
         search = DepthSearch(
             frame.grey, seen.noise, frame.render, path, config.layers, config.change
         )

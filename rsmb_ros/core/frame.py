@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,9 +10,12 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from .coarse import StripMatches
+from .config import Config
 from .layers import Front, Layer, fronts
-from .path_estimator import PathFit
-from .photometric import to_display
+from .motion import CameraPath, Grid
+from .path_estimator import PathEstimator, PathFit, row_uncertainty
+from .photometric import to_display, to_linear
 from .reference import Reference
 from .render import Window, blurred, rectified
 
@@ -19,7 +23,7 @@ BORDER = 5  # px next to the reference's edge that are not judged: interpolation
 SATURATED = 254.0  # grey levels; both images at the limit say nothing about each other
 
 
-class RegisteredFrame:
+class RegisteredFrame(ABC):
     """
     A live frame, its prediction from the reference, and where the two can be compared.
 
@@ -29,12 +33,82 @@ class RegisteredFrame:
     live : ndarray of shape (M, N) or (M, N, 3), uint8
     grey : ndarray of shape (M, N), float32
         Grey levels of `live`.
-    fit : PathFit
-        Path and light of the live frame.
     executor : Executor
         Threads that share the rendering.
 
     """
+
+    def __init__(
+        self, reference: Reference, live: np.ndarray, grey: np.ndarray, executor: Executor
+    ) -> None:
+        self.live = live
+        self.grey = grey
+        self._reference = reference
+        self._executor = executor
+        self._fronts: list[Front] = []
+        self.predicted, self.complete = self.render(1.0, Window(0, grey.shape[0], 0, grey.shape[1]))
+        self.residual = grey - self.predicted
+        edge = cv2.copyMakeBorder(self.complete.astype(np.uint8), *[1] * 4, cv2.BORDER_CONSTANT)
+        inner = cv2.erode(edge, np.ones((BORDER, BORDER), np.uint8))[1:-1, 1:-1] > 0
+        self.judged = inner & ~((grey >= SATURATED) & (self.predicted >= SATURATED))
+
+    @property
+    @abstractmethod
+    def path(self) -> CameraPath:
+        """Motion of the camera."""
+
+    @property
+    @abstractmethod
+    def row_motion(self) -> np.ndarray:
+        """Centroid pose tau_c of each row (M, 6)."""
+
+    @property
+    @abstractmethod
+    def row_uncertainty(self) -> np.ndarray:
+        """Standard deviation of each row's place (M,) [px], NaN where it is not known."""
+
+    @property
+    @abstractmethod
+    def exposure_rows(self) -> float:
+        """Exposure in line delays, NaN where the method has none [rows]."""
+
+    @property
+    @abstractmethod
+    def gain(self) -> float:
+        """Light of the live frame over that of the reference, at the image centre."""
+
+    @abstractmethod
+    def render(self, depth: float, window: Window) -> tuple[np.ndarray, np.ndarray]:
+        """Display values a layer at `depth` would have in the live frame, and where they hold."""
+
+    @abstractmethod
+    def registered(self) -> np.ndarray:
+        """Return the reference as the live camera would have seen it, uint8."""
+
+    def foreground(self, layers: list[Layer]) -> np.ndarray:
+        """Where `layers` hide the background or may do so (M, N) bool."""
+        mask = np.zeros(self.grey.shape, bool)
+        for front in fronts(layers, self.path, self._executor):
+            mask[front.window.box] |= front.inside | front.edge
+        return mask
+
+    def put_in_front(self, layers: list[Layer]) -> None:
+        """Composite static objects over the background; their edges are no longer judged."""
+        self._fronts = fronts(layers, self.path, self._executor)
+        for front in self._fronts:
+            own, complete = self.render(front.relative_depth, front.window)
+            inside = front.inside & complete
+            self.predicted[front.window.box][inside] = own[inside]
+            self.judged[front.window.box] &= ~front.edge
+        self.residual = self.grey - self.predicted
+
+    def rectified(self) -> np.ndarray:
+        """Return the live image in the geometry of the reference, uint8."""
+        return rectified(self.live, self.path, self._executor)
+
+
+class PathFrame(RegisteredFrame):
+    """A live frame registered by one camera path; blurred in linear light."""
 
     def __init__(
         self,
@@ -45,33 +119,32 @@ class RegisteredFrame:
         executor: Executor,
     ) -> None:
         self.fit = fit
-        self.grey = grey
-        self._reference = reference
-        self._live = live
-        self._executor = executor
-        self._fronts: list[Front] = []
-        self.predicted, self.complete = self.render(1.0, Window(0, grey.shape[0], 0, grey.shape[1]))
-        self.residual = grey - self.predicted
-        edge = cv2.copyMakeBorder(self.complete.astype(np.uint8), *[1] * 4, cv2.BORDER_CONSTANT)
-        inner = cv2.erode(edge, np.ones((BORDER, BORDER), np.uint8))[1:-1, 1:-1] > 0
-        self.judged = inner & ~((grey >= SATURATED) & (self.predicted >= SATURATED))
+        super().__init__(reference, live, grey, executor)
 
-    def foreground(self, layers: list[Layer]) -> np.ndarray:
-        """Where `layers` hide the background or may do so (M, N) bool."""
-        mask = np.zeros(self.grey.shape, bool)
-        for front in fronts(layers, self.fit.path, self._executor):
-            mask[front.window.box] |= front.inside | front.edge
-        return mask
+    @property
+    def path(self) -> CameraPath:
+        """The fitted path."""
+        return self.fit.path
 
-    def put_in_front(self, layers: list[Layer]) -> None:
-        """Composite static objects over the background; their edges are no longer judged."""
-        self._fronts = fronts(layers, self.fit.path, self._executor)
-        for front in self._fronts:
-            own, complete = self.render(front.relative_depth, front.window)
-            inside = front.inside & complete
-            self.predicted[front.window.box][inside] = own[inside]
-            self.judged[front.window.box] &= ~front.edge
-        self.residual = self.grey - self.predicted
+    @property
+    def row_motion(self) -> np.ndarray:
+        """Centroid pose tau_c of each row (M, 6)."""
+        return self.path.row_motion()
+
+    @property
+    def row_uncertainty(self) -> np.ndarray:
+        """Standard deviation of each row's place (M,) [px], from the Hessian."""
+        return row_uncertainty(self.fit)
+
+    @property
+    def exposure_rows(self) -> float:
+        """Exposure in line delays, given or self-calibrated [rows]."""
+        return self.path.exposure_rows
+
+    @property
+    def gain(self) -> float:
+        """Light of the live frame over that of the reference, in linear light."""
+        return float(self.fit.light.gain[0])
 
     @cached_property
     def _gain_field(self) -> np.ndarray:
@@ -107,9 +180,28 @@ class RegisteredFrame:
             image[front.window.box][inside] = own[inside]
         return image
 
-    def rectified(self) -> np.ndarray:
-        """Return the live image in the geometry of the reference, uint8."""
-        return rectified(self._live, self.fit.path, self._executor)
+
+class PathStage:
+    """Registers live frames of one size to one reference by one camera path a frame."""
+
+    def __init__(
+        self, reference: Reference, grid: Grid, config: Config, executor: Executor
+    ) -> None:
+        self._reference = reference
+        self._executor = executor
+        self._estimator = PathEstimator(reference.linear, grid, config, executor)
+
+    def frame(self, live: np.ndarray, grey: np.ndarray, matches: StripMatches) -> PathFrame:
+        """Register one live frame, `grey` its grey levels (M, N) float32."""
+        fit = self._estimator.estimate(to_linear(grey, self._reference.gamma), matches)
+        return PathFrame(self._reference, live, grey, fit, self._executor)
+
+    def refined(self, frame: RegisteredFrame, foreground: np.ndarray) -> RegisteredFrame:
+        """Register a frame again without its `foreground` (M, N) bool."""
+        assert isinstance(frame, PathFrame)
+        linear = to_linear(frame.grey, self._reference.gamma)
+        fit = self._estimator.refine(linear, frame.fit, foreground)
+        return PathFrame(self._reference, frame.live, frame.grey, fit, self._executor)
 
 
 @dataclass(frozen=True)

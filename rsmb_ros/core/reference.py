@@ -43,6 +43,11 @@ class Reference:
         return half_pixel(self.linear)
 
     @cached_property
+    def fine_grey(self) -> np.ndarray:
+        """Half-pixel samples of the grey levels, (2M, 2N) float32."""
+        return half_pixel(self.grey)
+
+    @cached_property
     def fine_planes(self) -> tuple[np.ndarray, ...]:
         """Half-pixel samples of each colour's linear light, (2M, 2N) float32 each."""
         if self.image.ndim == 2:

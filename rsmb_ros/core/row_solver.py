@@ -16,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from ._kernels.row_solver import huber_cost, solve_active_set
+from .errors import ConfigError
 
 LAMBDA_1 = 1e4  # weight of |w|_1, for grey levels 0..255
 LAMBDA_2 = 1e3  # weight of |chi / 255|_1
@@ -122,7 +123,10 @@ def solve_row_osqp(
     Unknowns are w, the misfit m = g - F w - chi and the two signs of chi; intensities are divided
     by 255, which only scales the objective.
     """
-    import osqp  # an extra: nothing else needs it
+    try:
+        import osqp  # an extra: nothing else needs it
+    except ImportError as error:
+        raise ConfigError("registration.solver = 'osqp' needs OSQP: pip install osqp") from error
     from scipy import sparse
 
     n, count = warped_rows.shape

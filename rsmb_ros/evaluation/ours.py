@@ -65,7 +65,8 @@ def _registration(
     places = places_of_poses(result.row_motion, Grid((rows, cols), shape, focal))
     limits = np.array([shape[1] - 1, shape[0] - 1])
     inside = ((places >= 0) & (places <= limits)).all(axis=-1)
-    return Registration(luma(registered), inside, places)
+    grey = luma(registered)
+    return Registration(grey, inside & (grey > 0), places)  # 0: not all of the exposure is known
 
 
 def _static_objects(result: Result) -> list[tuple[np.ndarray, float]]:

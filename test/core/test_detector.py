@@ -8,13 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rsmb_ros.core import Camera, Config, Detector, FrameError
+from rsmb_ros.core import Camera, Config, ConfigError, Detector, FrameError
 from rsmb_ros.core.motion import Grid, coordinates_from_poses, homographies
 from rsmb_ros.core.shutter import ShutterTiming
 from rsmb_ros.core.synthesis import (
     CHANGED,
+    NEW,
     Nuisances,
     Scene,
+    Sheet,
     aerial_scene,
     live_frame,
     placed_objects,
@@ -317,3 +319,36 @@ def test_results_do_not_depend_on_where_arrays_lie(texture):
     for other in results[1:]:
         np.testing.assert_array_equal(results[0].residual, other.residual)
         np.testing.assert_array_equal(results[0].row_motion, other.row_motion)
+
+
+def test_rows_alone_are_registered_as_the_report_does(texture):
+    found = case(texture, blur=2.0, exposure=7.0, nuisances=Nuisances(gamma=1.0))
+    config = {'registration.estimator': 'rows', 'registration.degrees_of_freedom': 3}
+    result = Detector(found.reference, CAMERA, Config.from_mapping(config)).detect(found.live)
+    assert result.status == 'registered'
+    assert np.isnan(result.exposure_rows)
+    assert np.isnan(result.row_uncertainty).all()
+    assert 0.9 < result.gain < 1.1
+    assert np.median(row_errors(found, result)) < 0.15  # rows alone: the report has 0.2 px
+    known = result.valid_mask > 0
+    misfit = (result.registered.astype(float) - found.truth.clean)[known]
+    assert np.sqrt(np.mean(misfit**2)) < 2.0
+    assert not result.changes
+
+
+def test_rows_alone_find_a_new_object(texture):
+    patch = Sheet(
+        np.full((40, 50), 250, np.uint8), np.ones((40, 50), np.float32), 180, 90, kind=NEW
+    )
+    found = case(texture, (patch,), blur=2.0, exposure=7.0, nuisances=Nuisances(gamma=1.0))
+    config = {'registration.estimator': 'rows', 'registration.degrees_of_freedom': 2}
+    result = Detector(found.reference, CAMERA, Config.from_mapping(config)).detect(found.live)
+    changed, truly = result.change_mask > 0, found.truth.label == CHANGED
+    assert np.count_nonzero(changed & truly) / np.count_nonzero(changed | truly) > 0.7
+
+
+def test_four_degrees_of_freedom_are_not_for_rows():
+    with pytest.raises(ConfigError, match='must be 2, 3 or 6'):
+        Config.from_mapping(
+            {'registration.estimator': 'rows', 'registration.degrees_of_freedom': 4}
+        )
