@@ -205,7 +205,11 @@ def start_path(
         misfit = np.hypot(*(target - design @ solution).reshape(2, -1))
         sigma = max(1.0, 1.4826 * float(np.median(misfit)))
         trust = weight * np.tile(1.0 / (1.0 + (misfit / (2 * sigma)) ** 2) ** 2, 2)
-    path.control[:, :4] = solution.reshape(4, knots).T
+    path.control[:, :2] = solution.reshape(4, knots)[:2].T
+    # the design is linear in s sin(r) and s cos(r) - 1
+    turned, grown = solution.reshape(4, knots)[2:] / grid.half_width
+    path.control[:, 2] = grid.half_width * np.arctan2(turned, 1.0 + grown)
+    path.control[:, 3] = grid.half_width * (np.hypot(turned, 1.0 + grown) - 1.0)
     return path
 
 

@@ -18,10 +18,11 @@ from threadpoolctl import ThreadpoolController
 
 from .agreement import MIN_SHARPNESS, agreement, misfitting_rows, sharpness
 from .camera import Camera
-from .coarse import CoarseSearch
+from .coarse import CoarseSearch, StripMatches
 from .config import Config
 from .errors import FrameError
 from .evidence import NoiseTable, evidence
+from .features import FeatureSearch
 from .frame import BlankViews, PathStage, RegisteredFrame
 from .layers import DepthSearch, Layer
 from .motion import Grid, moved_px
@@ -40,6 +41,7 @@ LARGE_MISFIT = 0.005
 REFITS = 3  # at most: where much of a frame is no ground, one is not enough
 STILL = 0.25  # px; a fit that has moved no row further needs no other
 _BLAS = ThreadpoolController()
+_Stages = tuple[CoarseSearch, FeatureSearch, 'PathStage | RowStage']
 
 
 class Detector:
@@ -70,7 +72,7 @@ class Detector:
         self._camera = camera
         self._executor = ThreadPoolExecutor(config.worker.threads, 'rsmb')
         self._reference = Reference(self.reference, config.camera.gamma)
-        self._stages: dict[tuple[int, int], tuple[CoarseSearch, PathStage | RowStage]] = {}
+        self._stages: dict[tuple[int, int], _Stages] = {}
 
     def camera_for(self, width: int) -> Camera:
         """Return the intrinsics used for live frames of `width` px."""
@@ -109,12 +111,16 @@ class Detector:
         problem = self._without_texture(grey)
         if problem:
             return self._not_registered(live, problem, clock)
-        coarse, stage = self._stages_for(grey.shape)
+        coarse, features, stage = self._stages_for(grey.shape)
         with clock.step('coarse'):
             matches = coarse.match(grey)
         with clock.step('registration'):
             frame: RegisteredFrame = stage.frame(live, grey, matches)
             problem = self._misfit(frame)
+        if problem:
+            with clock.step('second start'):
+                found = self._second_start(stage, live, grey, features.match(grey))
+                frame, problem = (found, '') if found else (frame, problem)
         if problem:
             return self._not_registered(live, problem, clock)
         with clock.step('change'):
@@ -139,6 +145,23 @@ class Detector:
             if moved_px(before.path, frame.path) < STILL:
                 break
         return self._registered(frame, seen, layers, clock)
+
+    def _second_start(
+        self,
+        stage: PathStage | RowStage,
+        live: np.ndarray,
+        grey: np.ndarray,
+        matches: StripMatches | None,
+    ) -> RegisteredFrame | None:
+        """Register from feature matches; None when that may not be trusted either."""
+        if matches is None:
+            return None
+        # where a scene is no plane, blur hides what does not fit: then try without
+        for sharp in (False, True):
+            frame = stage.frame(live, grey, matches, sharp)
+            if not self._misfit(frame):
+                return frame
+        return None
 
     @staticmethod
     def _foreground(frame: RegisteredFrame, seen: _Evidence, layers: list[Layer]) -> np.ndarray:
@@ -168,7 +191,7 @@ class Detector:
             views=frame,
         )
 
-    def _stages_for(self, shape: tuple[int, int]) -> tuple[CoarseSearch, PathStage | RowStage]:
+    def _stages_for(self, shape: tuple[int, int]) -> _Stages:
         """Return what depends on the live frame's size, prepared once per size."""
         if shape not in self._stages:
             grid = Grid(shape, self._reference.grey.shape, self.camera_for(shape[1]).focal_px)
@@ -176,7 +199,8 @@ class Detector:
             coarse = CoarseSearch(self._reference.grey, grid, fraction)
             kind = RowStage if self.config.registration.estimator == 'rows' else PathStage
             stage = kind(self._reference, grid, self.config, self._executor)
-            self._stages = {shape: (coarse, stage)}  # one size at a time: memory
+            features = FeatureSearch(self._reference.grey, grid)
+            self._stages = {shape: (coarse, features, stage)}  # one size at a time: memory
         return self._stages[shape]
 
     def _without_texture(self, grey: np.ndarray) -> str:

@@ -20,6 +20,7 @@ from .reference import Reference
 from .render import Window, blurred, rectified
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
+SHARP_ROWS = 3.0  # exposure of a frame that is taken for sharp [rows]
 SATURATED = 254.0  # grey levels; both images at the limit say nothing about each other
 
 
@@ -191,9 +192,16 @@ class PathStage:
         self._executor = executor
         self._estimator = PathEstimator(reference.linear, grid, config, executor)
 
-    def frame(self, live: np.ndarray, grey: np.ndarray, matches: StripMatches) -> PathFrame:
-        """Register one live frame, `grey` its grey levels (M, N) float32."""
-        fit = self._estimator.estimate(to_linear(grey, self._reference.gamma), matches)
+    def frame(
+        self, live: np.ndarray, grey: np.ndarray, matches: StripMatches, sharp: bool = False
+    ) -> PathFrame:
+        """
+        Register one live frame, `grey` its grey levels (M, N) float32.
+
+        `sharp` takes it for a frame without blur, whatever is known of the exposure.
+        """
+        linear = to_linear(grey, self._reference.gamma)
+        fit = self._estimator.estimate(linear, matches, SHARP_ROWS if sharp else None)
         return PathFrame(self._reference, live, grey, fit, self._executor)
 
     def refined(self, frame: RegisteredFrame, foreground: np.ndarray) -> RegisteredFrame:

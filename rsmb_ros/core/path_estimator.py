@@ -125,9 +125,13 @@ class PathEstimator:
             fine = half_pixel(image)
             self._levels.append(_Level(fine.ravel(), fine.shape, 2.0**n))
 
-    def estimate(self, live: np.ndarray, matches: StripMatches) -> PathFit:
+    def estimate(
+        self, live: np.ndarray, matches: StripMatches, exposure: float | None = None
+    ) -> PathFit:
         """
         Fit the path of `live`, (M, N) float32 in linear light, from the coarse matches.
+
+        `exposure` [rows], where given, is kept; otherwise the configuration's, or calibrated.
 
         Never raises on image content: a hopeless frame ends with a large `cost`.
         """
@@ -136,7 +140,7 @@ class PathEstimator:
             _select_points(to_display(image, gamma), n)
             for n, image in enumerate(pyramid(live, len(self._levels)))
         ]
-        given = self._config.shutter.exposure_rows
+        given = exposure or self._config.shutter.exposure_rows
         if given > 0:
             fit = self._fit_levels(points, self._start(matches, given), 0, free_exposure=False)
         else:

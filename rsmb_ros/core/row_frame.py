@@ -39,8 +39,10 @@ class RowStage:
             solver=config.registration.solver,
         )
 
-    def frame(self, live: np.ndarray, grey: np.ndarray, matches: StripMatches) -> RowFrame:
-        """Register one live frame, `grey` its grey levels (M, N) float32."""
+    def frame(
+        self, live: np.ndarray, grey: np.ndarray, matches: StripMatches, sharp: bool = False
+    ) -> RowFrame:
+        """Register one live frame, `grey` its grey levels (M, N) float32; `sharp` says nothing."""
         knots = self._config.registration.knot_rows
         bottom_up = self._config.shutter.readout == 'bottom_up'
         start = start_path(matches, self._grid, knots, START_EXPOSURE, 4.0, bottom_up)
