@@ -6,40 +6,33 @@ The one code path of node, replay and `rsmb detect`: reference and live frame in
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from .agreement import MIN_SHARPNESS, agreement, misfitting_rows, sharpness
+from .agreement import MIN_SHARPNESS, agreement, sharpness
 from .camera import Camera
+from .change_finder import ChangeFinder, Finding
+from .clock import Clock
 from .coarse import CoarseSearch, StripMatches
 from .config import Config
 from .errors import FrameError
-from .evidence import NoiseTable, evidence
 from .features import FeatureSearch
 from .frame import BlankViews, PathStage, RegisteredFrame
-from .layers import DepthSearch, Layer
-from .motion import Grid, moved_px
+from .layers import Layer
+from .motion import Grid
 from .photometric import luma
 from .reference import Reference
 from .row_frame import RowStage
-from .segmentation import Blob, blobs, candidates, without_small, without_thin
+from .segmentation import Blob, blobs, without_small, without_thin
 from .types import NOT_REGISTERED, REGISTERED, Region, Result
 
 MIN_SIZE = 32  # px, smaller frames hold nothing to register by
 MIN_CONTRAST = 1.5  # grey levels; an image flatter than this has no texture
 
-# Share of the frame that must misfit before the path is fitted again without it: an object whose
-# texture outdoes the ground's has bent the path, and no single depth then explains it.
-LARGE_MISFIT = 0.005
-REFITS = 3  # at most: where much of a frame is no ground, one is not enough
-STILL = 0.25  # px; a fit that has moved no row further needs no other
 _BLAS = ThreadpoolController()
 _Stages = tuple[CoarseSearch, FeatureSearch, 'PathStage | RowStage']
 
@@ -70,6 +63,7 @@ class Detector:
         self.reference = _checked(reference, 'reference')
         self.config = config
         self._camera = camera
+        self._finder = ChangeFinder(config)
         self._executor = ThreadPoolExecutor(config.worker.threads, 'rsmb')
         self._reference = Reference(self.reference, config.camera.gamma)
         self._stages: dict[tuple[int, int], _Stages] = {}
@@ -106,7 +100,7 @@ class Detector:
             return self._detect(live)
 
     def _detect(self, live: np.ndarray) -> Result:
-        clock = _Clock()
+        clock = Clock()
         grey = luma(live)
         problem = self._without_texture(grey)
         if problem:
@@ -123,28 +117,7 @@ class Detector:
                 frame, problem = (found, '') if found else (frame, problem)
         if problem:
             return self._not_registered(live, problem, clock)
-        with clock.step('change'):
-            seen = self._evidence(frame)
-        layers: list[Layer] = []
-        if self.config.layers.enabled and seen.mask.any():
-            with clock.step('layers'):
-                layers = self._layers(frame, seen)
-        for _ in range(REFITS):
-            foreground = self._foreground(frame, seen, layers)
-            if not foreground.any():
-                break
-            # what is known not to be ground must not have bent the path
-            with clock.step('refine'):
-                before, frame = frame, stage.refined(frame, foreground)
-                seen = self._evidence(frame)
-            if self.config.layers.enabled:
-                with clock.step('layers again'):
-                    layers = self._layers(frame, seen, layers)
-                    frame.put_in_front(layers)
-                    seen = self._evidence(frame)
-            if moved_px(before.path, frame.path) < STILL:
-                break
-        return self._registered(frame, seen, layers, clock)
+        return self._registered(self._finder.find(stage, frame, clock), clock)
 
     def _second_start(
         self,
@@ -163,19 +136,10 @@ class Detector:
                 return frame
         return None
 
-    @staticmethod
-    def _foreground(frame: RegisteredFrame, seen: _Evidence, layers: list[Layer]) -> np.ndarray:
-        """Where the frame shows no ground for sure (M, N) bool: static objects, large misfits."""
-        mask = frame.foreground(layers)
-        if seen.mask.mean() > LARGE_MISFIT:
-            mask |= seen.mask > 0
-        return mask
-
-    def _registered(
-        self, frame: RegisteredFrame, seen: _Evidence, layers: list[Layer], clock: _Clock
-    ) -> Result:
+    def _registered(self, finding: Finding, clock: Clock) -> Result:
+        frame, seen = finding.frame, finding.seen
         mask = without_small(without_thin(seen.mask * frame.judged), self.config.change)
-        regions = [*self._changes(mask, seen.strength), *map(_static_region, layers)]
+        regions = [*self._changes(mask, seen.strength), *map(_static_region, finding.layers)]
         return Result(
             status=REGISTERED,
             reason='',
@@ -235,29 +199,6 @@ class Detector:
             )
         return ''
 
-    def _evidence(self, frame: RegisteredFrame) -> _Evidence:
-        noise = NoiseTable.learn(frame.predicted, frame.residual, frame.judged)
-        z = frame.residual / noise(frame.predicted)
-        frame.judged &= ~misfitting_rows(z, frame.judged)[:, None]
-        strength = evidence(np.where(frame.judged, z, np.float32(0.0)))
-        return _Evidence(noise, strength, candidates(strength, self.config.change))
-
-    def _layers(
-        self, frame: RegisteredFrame, seen: _Evidence, known: Sequence[Layer] = ()
-    ) -> list[Layer]:
-        """Find the static objects among the candidates."""
-        path, config = frame.path, self.config
-        search = DepthSearch(
-            frame.grey, seen.noise, frame.render, path, config.layers, config.change
-        )
-        layers = [layer for blob in blobs(seen.mask) if (layer := search.explain(blob, known))]
-        rest = seen.mask.copy()
-        for layer in layers:
-            rest[layer.blob.box][layer.blob.mask] = 0
-        # pieces too small to tell their own depth, next to one that could
-        pieces = (search.belongs(blob, layer) for blob in blobs(rest) for layer in layers)
-        return layers + [piece for piece in pieces if piece]
-
     def _changes(self, mask: np.ndarray, strength: np.ndarray) -> Iterator[Region]:
         for blob in blobs(mask):
             peak = float(strength[blob.box][blob.mask].max())
@@ -265,7 +206,7 @@ class Detector:
             score = 1.0 - 0.5 * (self.config.change.threshold_high / max(peak, 1e-6)) ** 2
             yield _region(blob, 'change', float(np.clip(score, 0.0, 1.0)), None)
 
-    def _not_registered(self, live: np.ndarray, reason: str, clock: _Clock) -> Result:
+    def _not_registered(self, live: np.ndarray, reason: str, clock: Clock) -> Result:
         rows = live.shape[0]
         blank = np.zeros(live.shape[:2], np.uint8)
         return Result(
@@ -282,29 +223,6 @@ class Detector:
             timings_ms=clock.timings_ms,
             views=BlankViews(self.reference, live),
         )
-
-
-@dataclass(frozen=True)
-class _Evidence:
-    """What a frame's residual says."""
-
-    noise: NoiseTable
-    strength: np.ndarray  # (M, N) float32 [sigma]
-    mask: np.ndarray  # (M, N) uint8 0/1, candidate objects
-
-
-class _Clock:
-    """Times the steps of one frame."""
-
-    def __init__(self) -> None:
-        self.timings_ms: dict[str, float] = {}
-
-    @contextmanager
-    def step(self, name: str) -> Iterator[None]:
-        begin = time.perf_counter()
-        yield
-        spent = 1e3 * (time.perf_counter() - begin)
-        self.timings_ms[name] = self.timings_ms.get(name, 0.0) + spent
 
 
 def warm_up(config: Config = Config()) -> None:

@@ -16,12 +16,12 @@ from .layers import Front, Layer, fronts
 from .motion import CameraPath, Grid
 from .path_estimator import PathEstimator, PathFit, row_uncertainty
 from .photometric import to_display, to_linear
-from .reference import Reference
+from .reference import Reference, at_limit
 from .render import Window, blurred, rectified
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
 SHARP_ROWS = 3.0  # exposure of a frame that is taken for sharp [rows]
-SATURATED = 254.0  # grey levels; both images at the limit say nothing about each other
+CLIPPED_SHARE = 0.03  # of the exposure, from which on clipped parts of the reference matter
 
 
 class RegisteredFrame(ABC):
@@ -51,7 +51,7 @@ class RegisteredFrame(ABC):
         self.residual = grey - self.predicted
         edge = cv2.copyMakeBorder(self.complete.astype(np.uint8), *[1] * 4, cv2.BORDER_CONSTANT)
         inner = cv2.erode(edge, np.ones((BORDER, BORDER), np.uint8))[1:-1, 1:-1] > 0
-        self.judged = inner & ~((grey >= SATURATED) & (self.predicted >= SATURATED))
+        self.judged = inner & ~self._clipped()
 
     @property
     @abstractmethod
@@ -85,6 +85,18 @@ class RegisteredFrame(ABC):
     @abstractmethod
     def registered(self) -> np.ndarray:
         """Return the reference as the live camera would have seen it, uint8."""
+
+    def _clipped(self) -> np.ndarray:
+        """
+        Where one of the images is at its limit and what is beyond may explain the other (M, N).
+
+        A clipped reference is a lower bound of the light, a clipped live frame a lower bound too.
+        """
+        unknown = at_limit(self.live) & (self.residual < 0)
+        if self._reference.fine_clipped is not None:
+            share, _ = blurred(self._reference.fine_clipped, self.path, self._executor)
+            unknown |= (share > CLIPPED_SHARE) & (self.residual > 0)
+        return unknown
 
     def foreground(self, layers: list[Layer]) -> np.ndarray:
         """Where `layers` hide the background or may do so (M, N) bool."""

@@ -9,6 +9,14 @@ import numpy as np
 from .photometric import luma, to_linear
 from .sampling import half_pixel
 
+CLIPPED = 250  # display value from which on a colour may be anything brighter
+
+
+def at_limit(image: np.ndarray) -> np.ndarray:
+    """Mark where a colour of an image (M, N) or (M, N, 3) uint8 is clipped, (M, N) bool."""
+    clipped = image >= CLIPPED
+    return clipped if image.ndim == 2 else clipped.any(axis=2)
+
 
 class Reference:
     """
@@ -41,6 +49,12 @@ class Reference:
     def fine(self) -> np.ndarray:
         """Half-pixel samples of `linear`, (2M, 2N) float32."""
         return half_pixel(self.linear)
+
+    @cached_property
+    def fine_clipped(self) -> np.ndarray | None:
+        """Half-pixel samples (2M, 2N) of 1 where a colour is clipped, else 0; None: nowhere."""
+        clipped = at_limit(self.image)
+        return half_pixel(clipped.astype(np.float32)) if clipped.any() else None
 
     @cached_property
     def fine_grey(self) -> np.ndarray:

@@ -1,0 +1,141 @@
+"""
+From a registered frame to what changed: evidence, static objects, and the path without them.
+
+Static objects bend the path that they were registered with; it is fitted again without them until
+it stands. Where they outdo the ground over many rows it is tried the other way round, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from .agreement import misfitting_rows
+from .clock import Clock
+from .config import Config
+from .evidence import NoiseTable, evidence
+from .frame import PathStage, RegisteredFrame
+from .layers import DepthSearch, Layer
+from .motion import moved_px
+from .row_frame import RowStage
+from .segmentation import blobs, candidates
+
+# Share of the frame that must misfit before the path is fitted again without it: an object whose
+# texture outdoes the ground's has bent the path, and no single depth then explains it.
+LARGE_MISFIT = 0.005
+REFITS = 3  # at most: where much of a frame is no ground, one is not enough
+STILL = 0.25  # px; a fit that has moved no row further needs no other
+DOUBT = 0.15  # share of a row left unexplained, over DOUBT_ROWS rows: the path may be another's
+DOUBT_ROWS = 25  # at 480 rows
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a frame's residual says."""
+
+    noise: NoiseTable
+    strength: np.ndarray  # (M, N) float32 [sigma]
+    mask: np.ndarray  # (M, N) uint8 0/1, candidate objects
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A frame whose path stands, with what was found in it."""
+
+    frame: RegisteredFrame
+    seen: Seen
+    layers: tuple[Layer, ...]
+
+    @property
+    def unexplained(self) -> float:
+        """Share of the frame that neither ground nor layers explain."""
+        return float((self.seen.mask * self.frame.judged).mean())
+
+
+class ChangeFinder:
+    """Decides what in a registered frame is new, and what was there at another depth."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+
+    def find(self, stage: PathStage | RowStage, frame: RegisteredFrame, clock: Clock) -> Finding:
+        """Return what is in a frame; its path may be fitted again by its `stage`."""
+        finding = self._settled(stage, frame, clock)
+        doubtful = _doubtful_rows(finding)
+        if doubtful.any():
+            with clock.step('other way'):
+                # perhaps what fits in these rows is not the ground
+                ground = doubtful[:, None] & (finding.seen.mask == 0)
+                other = stage.refined(finding.frame, ground)
+            if other is not finding.frame:
+                rival = self._settled(stage, other, clock)
+                finding = min(finding, rival, key=lambda one: one.unexplained)
+        return finding
+
+    def _settled(
+        self, stage: PathStage | RowStage, frame: RegisteredFrame, clock: Clock
+    ) -> Finding:
+        """Find static objects and fit again without them until the path stands."""
+        with clock.step('change'):
+            seen = self._evidence(frame)
+        layers: list[Layer] = []
+        if self._config.layers.enabled and seen.mask.any():
+            with clock.step('layers'):
+                layers = self._layers(frame, seen)
+        for _ in range(REFITS):
+            foreground = self._foreground(frame, seen, layers)
+            if not foreground.any():
+                break
+            # what is known not to be ground must not have bent the path
+            with clock.step('refine'):
+                before, frame = frame, stage.refined(frame, foreground)
+                seen = self._evidence(frame)
+            if self._config.layers.enabled:
+                with clock.step('layers again'):
+                    layers = self._layers(frame, seen, layers)
+                    frame.put_in_front(layers)
+                    seen = self._evidence(frame)
+            if moved_px(before.path, frame.path) < STILL:
+                break
+        return Finding(frame, seen, tuple(layers))
+
+    @staticmethod
+    def _foreground(frame: RegisteredFrame, seen: Seen, layers: list[Layer]) -> np.ndarray:
+        """Where the frame shows no ground for sure (M, N) bool: static objects, large misfits."""
+        mask = frame.foreground(layers)
+        if seen.mask.mean() > LARGE_MISFIT:
+            mask |= seen.mask > 0
+        return mask
+
+    def _evidence(self, frame: RegisteredFrame) -> Seen:
+        noise = NoiseTable.learn(frame.predicted, frame.residual, frame.judged)
+        z = frame.residual / noise(frame.predicted)
+        frame.judged &= ~misfitting_rows(z, frame.judged)[:, None]
+        strength = evidence(np.where(frame.judged, z, np.float32(0.0)))
+        return Seen(noise, strength, candidates(strength, self._config.change))
+
+    def _layers(
+        self, frame: RegisteredFrame, seen: Seen, known: Sequence[Layer] = ()
+    ) -> list[Layer]:
+        """Find the static objects among the candidates."""
+        config = self._config
+        search = DepthSearch(
+            frame.grey, seen.noise, frame.render, frame.path, config.layers, config.change
+        )
+        layers = [layer for blob in blobs(seen.mask) if (layer := search.explain(blob, known))]
+        rest = seen.mask.copy()
+        for layer in layers:
+            rest[layer.blob.box][layer.blob.mask] = 0
+        # pieces too small to tell their own depth, next to one that could
+        pieces = (search.belongs(blob, layer) for blob in blobs(rest) for layer in layers)
+        return layers + [piece for piece in pieces if piece]
+
+
+def _doubtful_rows(finding: Finding) -> np.ndarray:
+    """Rows (M,) of which so much is unexplained that the path may follow something else."""
+    share = (finding.seen.mask * finding.frame.judged).mean(axis=1, dtype=np.float32)
+    rows = max(3, round(DOUBT_ROWS * len(share) / 480))
+    return cv2.blur(share[:, None], (1, rows))[:, 0] > DOUBT
