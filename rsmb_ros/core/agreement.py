@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from .evidence import gradient_energy
+from .evidence import ENOUGH, gradient_energy
 
 BLOCKS_ACROSS = 20  # blocks over the image's width
 MIN_CONTRAST = 3.0  # grey levels of a block that is asked
@@ -52,7 +52,8 @@ def sharpness(predicted: np.ndarray, live: np.ndarray, judged: np.ndarray) -> fl
     its agreement is high, its sharpness is not. Images are (M, N) float32, `judged` (M, N) bool.
     """
     found, seen = (
-        np.percentile(gradient_energy(image)[judged], SHARP_SHARE) for image in (predicted, live)
+        np.percentile(gradient_energy(image)[ENOUGH][judged[ENOUGH]], SHARP_SHARE)
+        for image in (predicted, live)
     )
     return float(np.sqrt(found / max(seen, 1e-6)))
 

@@ -27,6 +27,7 @@ from .segmentation import blobs, candidates
 # texture outdoes the ground's has bent the path, and no single depth then explains it.
 LARGE_MISFIT = 0.005
 REFITS = 3  # at most: where much of a frame is no ground, one is not enough
+LAST_LOOKS = 2  # at most, for static objects that only show when others are explained
 STILL = 0.25  # px; a fit that has moved no row further needs no other
 DOUBT = 0.15  # share of a row left unexplained, over DOUBT_ROWS rows: the path may be another's
 DOUBT_ROWS = 25  # at 480 rows
@@ -100,7 +101,25 @@ class ChangeFinder:
                     seen = self._evidence(frame)
             if moved_px(before.path, frame.path) < STILL:
                 break
+        if self._config.layers.enabled:
+            with clock.step('layers again'):
+                seen = self._last_look(frame, seen, layers)
         return Finding(frame, seen, tuple(layers))
+
+    def _last_look(self, frame: RegisteredFrame, seen: Seen, layers: list[Layer]) -> Seen:
+        """
+        Search what stands out once the static objects are in front; `layers` grows by it.
+
+        With them gone the frame's noise is less, and what it had hidden has not been asked yet.
+        """
+        for _ in range(LAST_LOOKS):
+            more = self._layers(frame, seen, layers) if seen.mask.any() else []
+            if not more:
+                break
+            layers += more
+            frame.put_in_front(layers)
+            seen = self._evidence(frame)
+        return seen
 
     @staticmethod
     def _foreground(frame: RegisteredFrame, seen: Seen, layers: list[Layer]) -> np.ndarray:

@@ -11,6 +11,7 @@ INTENSITY_BINS = 8
 TEXTURE_BINS = 10
 FULL_TRUST = 1000  # pixels; a bin with fewer leans on its neighbours
 MIN_SIGMA = 1.0  # grey levels
+ENOUGH = np.s_[::2, ::2]  # pixels the noise is learned from: neighbours say much the same
 RESIDUAL_STEP = 0.25  # grey levels, histogram resolution of absolute residuals
 TEXTURE_STEP = 0.125  # grey levels / px, table resolution
 TEXTURE_WINDOW = 5  # px
@@ -53,14 +54,14 @@ class NoiseTable:
     @classmethod
     def learn(cls, predicted: np.ndarray, residual: np.ndarray, valid: np.ndarray) -> NoiseTable:
         """Learn from a predicted image (M, N), its residual [grey levels] and where it holds."""
-        levels, steps = _quantised(predicted, texture(predicted))
-        chosen = valid.ravel()
+        levels, steps = _quantised(predicted[ENOUGH], texture(predicted)[ENOUGH])
+        chosen = valid[ENOUGH].ravel()
         levels, steps = levels.ravel()[chosen], steps.ravel()[chosen]
         intensity_bin = _equal_share_bins(levels, 256, INTENSITY_BINS)
         texture_bin = _equal_share_bins(steps, 256, TEXTURE_BINS)
         bins = np.rint(intensity_bin).astype(np.int64)[levels] * TEXTURE_BINS
         bins += np.rint(texture_bin).astype(np.int64)[steps]
-        heights = np.abs(residual).ravel()[chosen] / RESIDUAL_STEP
+        heights = np.abs(residual[ENOUGH]).ravel()[chosen] / RESIDUAL_STEP
         heights = np.minimum(heights, 255.0).astype(np.int64)
         count = INTENSITY_BINS * TEXTURE_BINS
         histogram = np.bincount(bins * 256 + heights, minlength=count * 256).reshape(count, 256)

@@ -94,9 +94,26 @@ class RegisteredFrame(ABC):
         """
         unknown = at_limit(self.live) & (self.residual < 0)
         if self._reference.fine_clipped is not None:
-            share, _ = blurred(self._reference.fine_clipped, self.path, self._executor)
-            unknown |= (share > CLIPPED_SHARE) & (self.residual > 0)
+            window = self._showing(self._reference.clipped_box)
+            share, _ = blurred(
+                self._reference.fine_clipped, self.path, self._executor, window=window
+            )
+            unknown[window.box] |= (share > CLIPPED_SHARE) & (self.residual[window.box] > 0)
         return unknown
+
+    def _showing(self, box: tuple[int, int, int, int]) -> Window:
+        """Return the part of the live frame that may show a box (x, y, end) of the reference."""
+        rows, cols = self.grey.shape
+        moved = np.abs(self.path.coordinates(self.path.row_times)).max(axis=0)
+        reach = int(np.ceil(moved.sum() + np.abs(np.diff(moved[:2])).sum())) + 16
+        extra = (np.array([rows, cols]) - self.path.grid.reference_shape) // 2
+        left, top, right, bottom = box
+        return Window(
+            max(0, min(rows, top - reach + extra[0])),
+            max(0, min(rows, bottom + reach + extra[0])),
+            max(0, min(cols, left - reach + extra[1])),
+            max(0, min(cols, right + reach + extra[1])),
+        )
 
     def foreground(self, layers: list[Layer]) -> np.ndarray:
         """Where `layers` hide the background or may do so (M, N) bool."""

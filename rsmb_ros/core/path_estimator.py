@@ -33,7 +33,7 @@ MIN_SIGMA = 1.0  # grey levels; no camera is quieter
 
 # Per pyramid level, full size first; the last entry serves all coarser ones.
 ITERATIONS = (8, 16, 20)
-STOP_STEP = (0.03, 0.12, 0.5)  # px, how far a step still moves the worst row
+STOP_STEP = (0.01, 0.04, 0.15)  # px, how far a step still moves the rows, rms
 ROW_SEEN = 0.2  # share of a row's points that must lie in the reference for it to be waited for
 # Stiffness at the first and from the fourth iteration: an object at another depth must not bend
 # the path while it is far off; a shaken camera must bend it in the end.
@@ -224,12 +224,12 @@ class PathEstimator:
         return replace(fit, information=normal / fit.sigma**2)
 
     def _row_step(self, path: CameraPath, system: _System, step: np.ndarray) -> float:
-        """Return how far a step moves the row it moves most, of those that are seen [px]."""
+        """Return how far a step moves the rows that are seen, root mean square [px]."""
         seen = (system.misfit < NO_RESIDUAL).mean(axis=1) > ROW_SEEN
         if not seen.any():
             return 0.0
         moved = path.spline_basis(system.times[seen]) @ step[:-EXTRA].reshape(-1, self._dof)
-        return float(np.sqrt((moved**2 @ REACH[: self._dof]).max()))
+        return float(np.sqrt((moved**2 @ REACH[: self._dof]).mean()))
 
     @property
     def _dof(self) -> int:

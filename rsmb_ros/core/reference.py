@@ -57,6 +57,12 @@ class Reference:
         return half_pixel(clipped.astype(np.float32)) if clipped.any() else None
 
     @cached_property
+    def clipped_box(self) -> tuple[int, int, int, int]:
+        """Columns and rows that hold all clipped pixels: left, top, right, bottom (exclusive)."""
+        rows, cols = np.nonzero(at_limit(self.image))
+        return int(cols.min()), int(rows.min()), int(cols.max()) + 1, int(rows.max()) + 1
+
+    @cached_property
     def fine_grey(self) -> np.ndarray:
         """Half-pixel samples of the grey levels, (2M, 2N) float32."""
         return half_pixel(self.grey)
