@@ -49,11 +49,13 @@ class Finding:
     frame: RegisteredFrame
     seen: Seen
     layers: tuple[Layer, ...]
+    doubtful: np.ndarray  # (M,) bool, rows whose path may follow something else than the ground
 
     @property
-    def unexplained(self) -> float:
-        """Share of the frame that neither ground nor layers explain."""
-        return float((self.seen.mask * self.frame.judged).mean())
+    def not_ground(self) -> float:
+        """Share of the frame that is explained by another depth or by nothing."""
+        static = sum(layer.blob.area for layer in self.layers) / self.seen.mask.size
+        return static + float((self.seen.mask * self.frame.judged).mean())
 
 
 class ChangeFinder:
@@ -65,15 +67,14 @@ class ChangeFinder:
     def find(self, stage: PathStage | RowStage, frame: RegisteredFrame, clock: Clock) -> Finding:
         """Return what is in a frame; its path may be fitted again by its `stage`."""
         finding = self._settled(stage, frame, clock)
-        doubtful = _doubtful_rows(finding)
-        if doubtful.any():
+        if finding.doubtful.any():
             with clock.step('other way'):
                 # perhaps what fits in these rows is not the ground
-                ground = doubtful[:, None] & (finding.seen.mask == 0)
+                ground = finding.doubtful[:, None] & (finding.seen.mask == 0)
                 other = stage.refined(finding.frame, ground)
             if other is not finding.frame:
                 rival = self._settled(stage, other, clock)
-                finding = min(finding, rival, key=lambda one: one.unexplained)
+                finding = min(finding, rival, key=lambda one: one.not_ground)
         return finding
 
     def _settled(
@@ -101,10 +102,11 @@ class ChangeFinder:
                     seen = self._evidence(frame)
             if moved_px(before.path, frame.path) < STILL:
                 break
+        doubtful = _doubtful_rows(seen.mask * frame.judged)
         if self._config.layers.enabled:
             with clock.step('layers again'):
                 seen = self._last_look(frame, seen, layers)
-        return Finding(frame, seen, tuple(layers))
+        return Finding(frame, seen, tuple(layers), doubtful)
 
     def _last_look(self, frame: RegisteredFrame, seen: Seen, layers: list[Layer]) -> Seen:
         """
@@ -153,8 +155,8 @@ class ChangeFinder:
         return layers + [piece for piece in pieces if piece]
 
 
-def _doubtful_rows(finding: Finding) -> np.ndarray:
-    """Rows (M,) of which so much is unexplained that the path may follow something else."""
-    share = (finding.seen.mask * finding.frame.judged).mean(axis=1, dtype=np.float32)
+def _doubtful_rows(unexplained: np.ndarray) -> np.ndarray:
+    """Rows (M,) of which so much (M, N) is unexplained that the path may follow something else."""
+    share = unexplained.mean(axis=1, dtype=np.float32)
     rows = max(3, round(DOUBT_ROWS * len(share) / 480))
     return cv2.blur(share[:, None], (1, rows))[:, 0] > DOUBT
