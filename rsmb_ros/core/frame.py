@@ -12,8 +12,8 @@ import numpy as np
 
 from .coarse import StripMatches
 from .config import Config
-from .layers import Front, Layer, fronts
-from .motion import CameraPath, Grid
+from .layers import NO_SHIFT, Front, Layer, fronts
+from .motion import CameraPath, Grid, shifted
 from .path_estimator import PathEstimator, PathFit, row_uncertainty
 from .photometric import to_display, to_linear
 from .reference import Reference, at_limit
@@ -79,8 +79,14 @@ class RegisteredFrame(ABC):
         """Light of the live frame over that of the reference, at the image centre."""
 
     @abstractmethod
-    def render(self, depth: float, window: Window) -> tuple[np.ndarray, np.ndarray]:
-        """Display values a layer at `depth` would have in the live frame, and where they hold."""
+    def render(
+        self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Display values a layer would have in the live frame, and where they hold.
+
+        The layer lies at relative depth `depth`, moved by `shift` x, y [px].
+        """
 
     @abstractmethod
     def registered(self) -> np.ndarray:
@@ -126,7 +132,7 @@ class RegisteredFrame(ABC):
         """Composite static objects over the background; their edges are no longer judged."""
         self._fronts = fronts(layers, self.path, self._executor)
         for front in self._fronts:
-            own, complete = self.render(front.relative_depth, front.window)
+            own, complete = self.render(front.relative_depth, front.window, front.shift)
             inside = front.inside & complete
             self.predicted[front.window.box][inside] = own[inside]
             self.judged[front.window.box] &= ~front.edge
@@ -180,16 +186,23 @@ class PathFrame(RegisteredFrame):
     def _gain_field(self) -> np.ndarray:
         return self.fit.light.gain_field(self.grey.shape)
 
-    def render(self, depth: float, window: Window) -> tuple[np.ndarray, np.ndarray]:
-        """Display values a layer at `depth` would have in the live frame, and where they hold."""
-        linear, complete = self._blurred(self._reference.fine, depth, window)
+    def render(
+        self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Display values a layer would have in the live frame, and where they hold."""
+        linear, complete = self._blurred(self._reference.fine, depth, window, shift)
         light = linear * self._gain_field[window.box] + np.float32(self.fit.light.bias)
         return to_display(light, self._reference.gamma), complete
 
     def _blurred(
-        self, fine: np.ndarray, depth: float = 1.0, window: Window | None = None
+        self,
+        fine: np.ndarray,
+        depth: float = 1.0,
+        window: Window | None = None,
+        shift: tuple[float, float] = NO_SHIFT,
     ) -> tuple[np.ndarray, np.ndarray]:
-        return blurred(fine, self.fit.path, self._executor, depth, window)
+        path = shifted(self.fit.path, depth, shift)
+        return blurred(fine, path, self._executor, depth, window)
 
     def registered(self) -> np.ndarray:
         """Return the reference as the live camera would have seen it, uint8."""
@@ -205,7 +218,7 @@ class PathFrame(RegisteredFrame):
         """Linear light of one plane of the reference, layers in front (M, N) float32."""
         image, _ = self._blurred(fine)
         for front in self._fronts:
-            own, complete = self._blurred(fine, front.relative_depth, front.window)
+            own, complete = self._blurred(fine, front.relative_depth, front.window, front.shift)
             inside = front.inside & complete
             image[front.window.box][inside] = own[inside]
         return image

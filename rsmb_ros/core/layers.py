@@ -18,7 +18,7 @@ import numpy as np
 
 from .config import ChangeConfig, LayersConfig
 from .evidence import evidence
-from .motion import CameraPath
+from .motion import CameraPath, shifted
 from .render import Window, blurred
 from .sampling import half_pixel
 from .segmentation import Blob, hysteresis
@@ -35,11 +35,16 @@ MIN_CORE = 4.2e-4  # of the frame: largest connected explained part (130 px at 6
 MIN_CORRELATION = 0.6  # of prediction and live on the object ...
 SURE_SHARE = 0.5  # ... unless this share is explained
 MAX_ENERGY_RATIO = 0.85  # of the energy at the background's depth
+MAX_SHIFT = 0.5  # of an object's parallax: tilt and translation are not told apart better
+SHIFT_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-3)
 GAP = 0.04  # of the width: gaps in an object's outline that still belong to it
 EDGE = 9  # px: an object's outline is known to half of this
 RIM = 0.02  # share of the exposure that makes a pixel a rim
 
-Render = Callable[[float, Window], tuple[np.ndarray, np.ndarray]]
+NO_SHIFT = (0.0, 0.0)
+
+# (depth, window, shift) -> predicted display values, where they hold
+Render = Callable[[float, Window, tuple[float, float]], tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,7 @@ class Layer:
     blob: Blob  # the part of the live image it explains
     relative_depth: float  # d_l
     share: float  # of the object that the depth explains, 0..1
+    shift: tuple[float, float] = NO_SHIFT  # x, y beyond what the depth does to it [px]
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,7 @@ class DepthSearch:
 
     live: np.ndarray  # (M, N) float32 display values
     sigma: Callable[[np.ndarray], np.ndarray]  # predicted image -> noise [grey levels]
-    render: Render  # (depth, window) -> predicted display values, where they hold
+    render: Render
     path: CameraPath
     config: LayersConfig
     change: ChangeConfig
@@ -80,25 +86,59 @@ class DepthSearch:
             return None
         if energy >= MAX_ENERGY_RATIO * self._energy(1.0, window, mask):
             return None
-        z, predicted = self._normalised(depth, window)
+        layer, share = self._judged(depth, NO_SHIFT, window, mask)
+        if share > SURE_SHARE:
+            return layer
+        shift = self._shift(depth, window, mask, 1.0 + MAX_SHIFT * self._parallax(blob, depth))
+        if shift is None:
+            return layer
+        other, more = self._judged(depth, shift, window, mask)
+        return other if more > max(share, SURE_SHARE) else layer
+
+    def _judged(
+        self, depth: float, shift: tuple[float, float], window: Window, mask: np.ndarray
+    ) -> tuple[Layer | None, float]:
+        """Return the layer if the object may be taken for one, and the share explained."""
+        z, predicted = self._normalised(depth, window, shift)
         explained = self._explained(z, mask)
         share = float(explained[mask].mean())
         enough = share > MIN_SHARE and _largest(explained) >= MIN_CORE * self.live.size
         alike = share > SURE_SHARE or (
             _correlation(predicted[mask], self.live[window.box][mask]) > MIN_CORRELATION
         )
-        return self._layer(z, mask, window, depth, share) if enough and alike else None
+        layer = self._layer(z, mask, window, depth, share, shift) if enough and alike else None
+        return layer, share
+
+    def _shift(
+        self, depth: float, window: Window, mask: np.ndarray, limit: float
+    ) -> tuple[float, float] | None:
+        """
+        Return how far the object lies from where `depth` puts it (ECC), None beyond `limit` px.
+
+        Translation and tilt look alike on the ground alone, so t / d may be off by a little.
+        """
+        predicted, _ = self.render(depth, window, NO_SHIFT)
+        warp = np.eye(2, 3, dtype=np.float32)
+        try:
+            match, warp = cv2.findTransformECC(
+                self.live[window.box], predicted, warp, cv2.MOTION_TRANSLATION, SHIFT_STOP,
+                mask.astype(np.uint8), 5,
+            )  # fmt: skip
+        except cv2.error:  # it does not converge where nothing matches
+            return None
+        x, y = float(warp[0, 2]), float(warp[1, 2])
+        return (x, y) if match > MIN_CORRELATION and np.hypot(x, y) < limit else None
 
     def belongs(self, blob: Blob, layer: Layer) -> Layer | None:
         """Return `blob` as a piece of a layer found next to it, None when it is none."""
         window, mask = self._windowed(blob)
         if not _touch(window, _padded(layer.blob, self.live.shape)):
             return None
-        z, _ = self._normalised(layer.relative_depth, window)
+        z, _ = self._normalised(layer.relative_depth, window, layer.shift)
         share = float(self._explained(z, mask)[mask].mean())
         if share <= SURE_SHARE:
             return None
-        return self._layer(z, mask, window, layer.relative_depth, share)
+        return self._layer(z, mask, window, layer.relative_depth, share, layer.shift)
 
     def _windowed(self, blob: Blob) -> tuple[Window, np.ndarray]:
         """Return the window around a blob and the blob's mask in it."""
@@ -114,11 +154,17 @@ class DepthSearch:
         return cv2.morphologyEx(explained, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
 
     def _layer(
-        self, z: np.ndarray, mask: np.ndarray, window: Window, depth: float, share: float
+        self,
+        z: np.ndarray,
+        mask: np.ndarray,
+        window: Window,
+        depth: float,
+        share: float,
+        shift: tuple[float, float],
     ) -> Layer:
         # what sticks out at the object's own depth may be a change on or beside it
         left_over = hysteresis(evidence(np.where(mask, z, np.float32(0.0))), self.change) > 0
-        return Layer(Blob(mask & ~left_over, window.left, window.top), depth, share)
+        return Layer(Blob(mask & ~left_over, window.left, window.top), depth, share, shift)
 
     def _best_depth(
         self, window: Window, mask: np.ndarray, depths: np.ndarray
@@ -138,8 +184,10 @@ class DepthSearch:
         z, _ = self._normalised(depth, window)
         return float(np.minimum(z[mask] ** 2, MAX_Z2).mean())
 
-    def _normalised(self, depth: float, window: Window) -> tuple[np.ndarray, np.ndarray]:
-        predicted, complete = self.render(depth, window)
+    def _normalised(
+        self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
+    ) -> tuple[np.ndarray, np.ndarray]:
+        predicted, complete = self.render(depth, window, shift)
         z = (self.live[window.box] - predicted) / self.sigma(predicted)
         z[~complete] = UNSEEN_Z
         return z, predicted
@@ -160,6 +208,7 @@ class Front:
     """What hides the background at one depth."""
 
     relative_depth: float
+    shift: tuple[float, float]  # [px]
     window: Window  # the two masks' part of the live frame
     inside: np.ndarray  # bool, surely covered during the whole exposure
     edge: np.ndarray  # bool, perhaps covered, or uncovered: cannot be judged
@@ -167,24 +216,29 @@ class Front:
 
 def fronts(layers: Sequence[Layer], path: CameraPath, executor: Executor) -> list[Front]:
     """Find where static objects hide the background of a live frame, farthest first."""
-    depths = sorted({layer.relative_depth for layer in layers}, reverse=True)
+    places = sorted({(layer.relative_depth, layer.shift) for layer in layers}, reverse=True)
     return [
-        _front([layer for layer in layers if layer.relative_depth == depth], path, executor)
-        for depth in depths
+        _front(
+            [layer for layer in layers if (layer.relative_depth, layer.shift) == place],
+            path,
+            executor,
+        )
+        for place in places
     ]
 
 
 def _front(pieces: list[Layer], path: CameraPath, executor: Executor) -> Front:
     """Render where pieces at one depth surely and perhaps are."""
-    depth = pieces[0].relative_depth
-    cover = half_pixel(_cover_in_reference(pieces, path))
+    depth, shift = pieces[0].relative_depth, pieces[0].shift
+    own_path = shifted(path, depth, shift)
+    cover = half_pixel(_cover_in_reference(pieces, own_path))
     parallax = np.abs(path.row_centroids()[:, :2]).max() * abs(1.0 / depth - 1.0)
     window = _around(pieces, path.grid.live_shape, math.ceil(parallax) + _gaps(path) + EDGE)
-    own, _ = blurred(cover, path, executor, depth, window)
+    own, _ = blurred(cover, own_path, executor, depth, window)
     uncovered, _ = blurred(cover, path, executor, 1.0, window)
     inside = own > 1.0 - RIM / 2
     edge = ((own > RIM / 2) | (uncovered > RIM / 2)) & ~inside
-    return Front(depth, window, inside, edge)
+    return Front(depth, shift, window, inside, edge)
 
 
 def _gaps(path: CameraPath) -> int:

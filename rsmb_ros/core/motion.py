@@ -14,7 +14,7 @@ at half the image width. They move the image independently, which t and r_x, r_y
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -105,6 +105,15 @@ class CameraPath:
     def row_homographies(self, relative_depth: float = 1.0) -> np.ndarray:
         """Homography of each row's centroid pose between centred pixels (M, 3, 3)."""
         return homographies(self.row_centroids(), self.grid, relative_depth)
+
+
+def shifted(path: CameraPath, relative_depth: float, shift: tuple[float, float]) -> CameraPath:
+    """Return the path that moves a layer at `relative_depth` by `shift` x, y more [px]."""
+    if shift == (0.0, 0.0):
+        return path
+    control = path.control.copy()
+    control[:, :2] += relative_depth * np.asarray(shift)  # layers move by t / d
+    return replace(path, control=control)
 
 
 def moved_px(one: CameraPath, other: CameraPath) -> float:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from rsmb_ros.core.motion import (
     Grid,
     coordinates_from_poses,
     homographies,
     poses_from_coordinates,
+    shifted,
     still_path,
 )
 
@@ -63,3 +65,17 @@ def test_instants_of_a_row_grow_with_its_path():
     moving = path.samples_per_row(1.0)
     assert np.all(still == 2)
     assert abs(int(np.median(moving)) - 21) <= 1
+
+
+@pytest.mark.parametrize('depth', [1.0, 0.8, 1.2])
+def test_shift_moves_a_layer_by_so_many_pixels(bent_path, depth):
+    """Whatever the depth: t / d has to hold what is added to t."""
+    before = bent_path.row_homographies(depth)
+    after = shifted(bent_path, depth, (1.5, -0.5)).row_homographies(depth)
+    # at the centre of the frame, per unit of zoom (within 4 % on this path)
+    moved = after[:, :2, 2] / after[:, 2, 2:] - before[:, :2, 2] / before[:, 2, 2:]
+    np.testing.assert_allclose(moved, np.tile([1.5, -0.5], (len(moved), 1)), rtol=0.1)
+
+
+def test_no_shift_is_the_path_itself(bent_path):
+    assert shifted(bent_path, 0.8, (0.0, 0.0)) is bent_path
