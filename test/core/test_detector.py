@@ -352,3 +352,15 @@ def test_four_degrees_of_freedom_are_not_for_rows():
         Config.from_mapping(
             {'registration.estimator': 'rows', 'registration.degrees_of_freedom': 4}
         )
+
+
+def test_white_that_both_exposures_clip_is_no_change(texture):
+    """What the reference clips may be anything brighter: a darker exposure shows how bright."""
+    white = np.clip(texture.astype(int), 0, 180).astype(np.uint8)
+    white[110:140, 150:200] = 250
+    camera = Nuisances(gain=0.6, overexposure=1.5, noise_electrons=9000, jpeg_quality=92)
+    found = case(white, nuisances=camera)
+    assert (found.reference[75:95, 115:155] >= 250).mean() > 0.9
+    result = Detector(found.reference, CAMERA).detect(found.live)
+    assert result.status == 'registered'
+    assert not result.changes
