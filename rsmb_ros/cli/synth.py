@@ -98,6 +98,9 @@ def _add_camera(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument('--exposure-ms', type=within(float, 0, 1000), help='the same in seconds ...')
     group.add_argument('--line-delay-us', type=within(float, 0.1, 1e5), help='... needs both')
+    group.add_argument(
+        '--focal-px', type=within(float, 0, 1e5), default=0.0, help='0: 0.9 x the width'
+    )
     group.add_argument('--readout', choices=READOUTS, default=READOUTS[0])
     group.add_argument(
         '--jpeg-quality', type=within(int, 1, 100), default=USUAL.jpeg_quality, help='1..100'
@@ -150,6 +153,7 @@ def run(args: argparse.Namespace) -> int:
         shadows=args.shadows,
         vanished=args.vanished,
         motion=args.motion,
+        focal_px=args.focal_px,
         style=replace(SUBURB, houses=args.houses, crowns=args.trees, texture=args.texture),
     )
     background = read_image(args.background) if args.background else None

@@ -36,6 +36,9 @@ def write_frame(folder: Path, index: int, case: Case) -> dict[str, Any]:
             'depths': list(case.motion.depths),
             'centroids': np.round(case.motion.centroids, 5).tolist(),
         }
+        if case.motion.path is not None:
+            poses = np.round(case.motion.path, 5).tolist()
+            entry['path'] = {'first_row': case.motion.path_start, 'poses': poses}
     return entry
 
 

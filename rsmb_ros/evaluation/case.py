@@ -17,6 +17,8 @@ class TrueMotion:
     layers: np.ndarray  # (M, N) uint8, 0 background, n: n-th entry of `depths`; what is in front
     depths: tuple[float, ...]  # relative depth of layers 1, 2, ..., background = 1
     exposure_rows: float  # t_e / t_d [rows]
+    path: np.ndarray | None = None  # (T, 6) poses at row times path_start, path_start + 1, ...
+    path_start: int = 0  # [rows]
     clean: np.ndarray | None = None  # (M, N[, 3]) float32 display values, no objects, no noise
 
 

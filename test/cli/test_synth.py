@@ -92,14 +92,19 @@ def test_labels_are_those_of_cdnet(made):
 
 
 def test_truth_says_how_the_frame_was_taken(made):
-    out = made('--seed', 4, '--exposure-rows', 30, '--frames', 1, '--rate', 4)
+    out = made('--seed', 4, '--exposure-rows', 30, '--frames', 1, '--rate', 4, '--focal-px', 300)
     about = truth_in(out)
     (entry,) = about['frames']
-    assert about['focal_px'] > 0
+    assert about['focal_px'] == 300
     assert (about['plan']['seed'], about['plan']['blur_px']) == (4, 3.0)
     assert about['nuisances'] == about['plan']['nuisances']
     assert (entry['frame'], entry['time_s'], entry['exposure_rows']) == (0, 0.25, 30)
     assert np.shape(entry['centroids']) == (SIZE[0], 6)
+    path = entry['path']
+    assert path['first_row'] == -15
+    assert np.shape(path['poses']) == (SIZE[0] + 30, 6)
+    middle = np.mean(path['poses'][15:46], axis=0)  # row 15 is lit from row 0 to 30
+    np.testing.assert_allclose(middle, entry['centroids'][15], atol=0.05)  # whole rows only
     assert len(entry['depths']) == int(read(out / 'layers_000.png').max())
 
 

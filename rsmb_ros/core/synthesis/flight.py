@@ -42,6 +42,7 @@ class FlightPlan:
     vanished: int = 0  # further objects that are in the reference only
     motion: str = HOVER  # of the rows: HOVER or one of `paths.MOTIONS`
     style: Style = SUBURB  # of the drawn scene
+    focal_px: float = 0.0  # [px], 0: that of a usual lens
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,7 @@ class SyntheticFlight:
         else:
             self.reference = background
         rows, cols = self._scene.shape
-        self.camera = Camera.guess(cols)
+        self.camera = Camera(plan.focal_px) if plan.focal_px else Camera.guess(cols)
         self._grid = Grid((rows, cols), (rows, cols), self.camera.focal_px)
 
     def frames(self) -> Iterator[SyntheticFrame]:

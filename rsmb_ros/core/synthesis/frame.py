@@ -33,6 +33,8 @@ class Truth:
     layers: np.ndarray  # (M, N) uint8, n: `depths[n - 1]` is in front, 0: the ground
     depths: tuple[float, ...]  # relative depth of each layer
     centroids: np.ndarray  # (M, 6) pose tau_c of each row
+    path: np.ndarray  # (T, 6) poses at the row times path_start, path_start + 1, ...
+    path_start: int  # [rows]; before 0: row 0's exposure begins half of it earlier
     exposure_rows: float
 
     @property
@@ -116,6 +118,7 @@ def live_frame(
     label, numbers, names = _labels(objects, seen)
     clean = nuisances.light.apply(seen.before, nuisances.gamma)
     layers = seen.cover[1 + len(objects) :]
+    reach = int(np.ceil(0.5 * timing.exposure_rows))
     front = (layers >= 0.5) * np.arange(1, len(layers) + 1)[:, None, None]
     truth = Truth(
         label=label,
@@ -126,6 +129,8 @@ def live_frame(
         layers=front.max(axis=0, initial=0).astype(np.uint8),
         depths=tuple(layer.relative_depth for layer in scene.layers),
         centroids=row_centroids(path, timing, grid.live_shape[0]),
+        path=path(np.arange(-reach, grid.live_shape[0] + reach, dtype=np.float64)),
+        path_start=-reach,
         exposure_rows=timing.exposure_rows,
     )
     return develop(seen.light, nuisances, rng), truth

@@ -140,6 +140,8 @@ def case_of(
         layers=truth.layers,
         depths=truth.depths,
         exposure_rows=truth.exposure_rows,
+        path=truth.path,
+        path_start=truth.path_start,
         clean=truth.clean,
     )
     return Case(name, reference, live, truth.label, truth.objects, focal_px, motion, about)

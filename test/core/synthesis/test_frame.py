@@ -280,5 +280,7 @@ def test_distortion_moves_places_as_its_parameter_says():
 def test_centroid_of_a_row_is_the_mean_of_its_poses(scene):
     _, truth = exposed(scene, moving(v_x=0.5, t_x=2.0), 10.0)
     np.testing.assert_allclose(truth.centroids[:, 0], 2.0 + 0.5 * np.arange(60), atol=1e-9)
+    assert truth.path_start == -5
+    np.testing.assert_allclose(truth.path[:, 0], 2.0 + 0.5 * np.arange(-5, 65), atol=1e-9)
     hs = homographies(coordinates_from_poses(truth.centroids, GRID), GRID)
     np.testing.assert_allclose(truth.places[30, 40, 0] - 40, hs[30, 0, 2], atol=1e-3)
