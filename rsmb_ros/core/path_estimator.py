@@ -10,24 +10,22 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from ._kernels.fit import BIAS_SCALE, EXTRA, accumulate, strongest_gradients
+from ._kernels.fit import BIAS_SCALE, EXTRA, accumulate
 from .coarse import StripMatches, start_path
 from .config import Config
 from .motion import CameraPath, Grid, still_path
 from .photometric import Light, to_display
+from .points import Points, select_points
+from .priors import Priors
 from .sampling import half_pixel, pyramid
 
 COARSEST_WIDTH = 160  # px; the pyramid ends there
 CHUNKS = 8  # blocks of rows, summed in this order whatever the number of threads
-ROW_STEP = 4  # rows between rows of points, at full size
-BIN_WIDTH = 7  # px per point, at full size
 POINT_STEP = 1.0  # px of the level between instants of the exposure
-SWITCHED_OFF = -1.0  # display value of a point that must not count
 NO_RESIDUAL = 1e8  # residuals above this mark points without reference
 MIN_SIGMA = 1.0  # grey levels; no camera is quieter
 
@@ -42,14 +40,9 @@ RELAXED_AFTER = 3  # iterations
 # How far an edge may be off for reasons that are not the camera, first and relaxed [px]: bounds
 # what a strong edge can say, so that one rich object does not outweigh the ground.
 MISPLACED = ((0.5, 0.1), (0.5, 0.5), (0.5, 0.5))
-# How reluctantly each path coordinate bends and changes; a row alone hardly sees the tilt.
-BEND = np.array([0.1, 0.1, 0.2, 0.4, 2.0, 2.0])
-SLOPE = np.array([0.0, 0.0, 0.0, 0.05, 2.0, 8.0])
 # Mean square of what 1 px of each path coordinate moves the pixels of a 4:3 frame [px^2].
 REACH = np.array([1.0, 1.0, 0.5, 0.5, 0.3, 0.2])
-TILT_SIGMA = 4.0  # px at half width, prior on the perspective terms (1.3 deg at f = 0.9 width)
 MOST_CHANGE = 1.6  # of the exposure while one image size is fitted
-EXPOSURE_SIGMA = 0.3  # relative prior on the exposure while it is estimated
 COLD_EXPOSURES = (3.0, 12.0, 36.0, 90.0, 200.0)  # rows, tried when nothing is known
 TRIAL = 4  # iterations each of them gets at half size
 FINALISTS = 2  # of them that are fitted until they stand
@@ -94,20 +87,6 @@ class _Level:
     factor: float  # full-size pixels per pixel
 
 
-@dataclass(frozen=True)
-class _Points:
-    """Where the live image is compared at one size."""
-
-    rows: np.ndarray  # (R,)
-    columns: np.ndarray  # (R, P)
-    values: np.ndarray  # (R, P) display values
-
-    def without(self, mask: np.ndarray) -> _Points:
-        """Return the points with those on a mask (M, N) bool of this level switched off."""
-        off = mask[self.rows[:, None], self.columns]
-        return replace(self, values=np.where(off, np.float32(SWITCHED_OFF), self.values))
-
-
 class PathEstimator:
     """Fits camera paths of live frames of one size to one reference."""
 
@@ -137,7 +116,7 @@ class PathEstimator:
         """
         gamma = self._config.camera.gamma
         points = [
-            _select_points(to_display(image, gamma), n)
+            select_points(to_display(image, gamma), n)
             for n, image in enumerate(pyramid(live, len(self._levels)))
         ]
         given = exposure or self._config.shutter.exposure_rows
@@ -158,7 +137,7 @@ class PathEstimator:
         finest = min(1, len(self._levels) - 1)
         masks = pyramid(foreground.astype(np.float32), finest + 1)
         points = [
-            _select_points(to_display(image, gamma), n).without(mask > 0)
+            select_points(to_display(image, gamma), n).without(mask > 0)
             for n, (image, mask) in enumerate(zip(pyramid(live, finest + 1), masks, strict=True))
         ]
         return self._fit_levels(points, fit, 0, self._config.shutter.exposure_rows == 0)
@@ -170,7 +149,7 @@ class PathEstimator:
         path = start_path(matches, self._grid, knot_rows, exposure, longest, bottom_up)
         return PathFit(path, Light.same(), 12.0, np.inf, np.zeros((0, 0)), 0.0)
 
-    def _self_calibrated(self, points: Sequence[_Points], matches: StripMatches) -> PathFit:
+    def _self_calibrated(self, points: Sequence[Points], matches: StripMatches) -> PathFit:
         """
         Try several exposures and finish with the one that fits best.
 
@@ -191,7 +170,7 @@ class PathEstimator:
         return self._fit_levels(points[:finest], best, 0, True)
 
     def _fit_levels(
-        self, points: Sequence[_Points], fit: PathFit, finest: int, free_exposure: bool
+        self, points: Sequence[Points], fit: PathFit, finest: int, free_exposure: bool
     ) -> PathFit:
         for n in range(len(points) - 1, finest - 1, -1):
             # a small image cannot tell exposures apart
@@ -199,7 +178,7 @@ class PathEstimator:
         return fit
 
     def _fit_level(
-        self, n: int, points: _Points, fit: PathFit, free_exposure: bool, most: int | None = None
+        self, n: int, points: Points, fit: PathFit, free_exposure: bool, most: int | None = None
     ) -> PathFit:
         stage = min(n, len(ITERATIONS) - 1)
         start_exposure = fit.path.exposure_rows
@@ -210,7 +189,13 @@ class PathEstimator:
             misplaced = first * (last / first) ** min(1.0, iteration / RELAXED_AFTER)
             system = self._linearise(n, points, fit, misplaced, tukey)
             priors = self._priors(n, iteration, free_exposure, start_exposure)
-            normal, gradient = _with_priors(system, fit, priors)
+            normal, gradient = priors.applied(
+                system.normal,
+                system.gradient,
+                fit.path.control,
+                fit.path.exposure_rows,
+                fit.sigma,
+            )
             before, step = step, _step(normal, gradient)
             # a step that turns back has gone too far, as weakly held ends of a frame do for ever
             share = max(0.25, 0.5 * share) if step @ before < 0 else min(1.0, 1.5 * share)
@@ -236,7 +221,7 @@ class PathEstimator:
         return self._config.registration.degrees_of_freedom
 
     def _linearise(
-        self, n: int, points: _Points, fit: PathFit, misplaced: float, tukey: bool
+        self, n: int, points: Points, fit: PathFit, misplaced: float, tukey: bool
     ) -> _System:
         """Sum the normal equations over all rows, in a fixed order."""
         level, path = self._levels[n], fit.path
@@ -263,14 +248,14 @@ class PathEstimator:
         _run_all(self._executor, run, CHUNKS)
         return _System(normal.sum(axis=0), gradient.sum(axis=0), np.abs(residuals), times)
 
-    def _priors(self, n: int, iteration: int, free_exposure: bool, exposure: float) -> _Priors:
+    def _priors(self, n: int, iteration: int, free_exposure: bool, exposure: float) -> Priors:
         first, last = STIFFNESS[min(n, len(STIFFNESS) - 1)]
         stiffness = first * (last / first) ** min(1.0, iteration / RELAXED_AFTER)
         light = self._config.photometric
         fixed = [] if light.vignetting and n <= 1 else [1, 2, 3]
         if not free_exposure:
             fixed.append(5)
-        return _Priors(stiffness, tuple(fixed), exposure, self._dof)
+        return Priors(stiffness, tuple(fixed), exposure, self._dof)
 
 
 def _longest(exposure: float) -> float:
@@ -298,62 +283,12 @@ class _System:
     times: np.ndarray  # (R,) of the rows of points [rows]
 
 
-@dataclass(frozen=True)
-class _Priors:
-    """What is believed before the data are seen."""
-
-    stiffness: float
-    fixed: tuple[int, ...]  # extra unknowns that keep their value
-    exposure: float  # centre of the exposure's prior [rows]
-    dof: int
-
-
-def _with_priors(system: _System, fit: PathFit, priors: _Priors) -> tuple[np.ndarray, np.ndarray]:
-    """Normal equations (lower triangle) and gradient with priors and fixed unknowns."""
-    normal, gradient = system.normal.copy(), system.gradient.copy()
-    control = fit.path.control[:, : priors.dof]
-    path = control.size
-    curvature = np.trace(normal[:path, :path]) / path + 1e-9
-    belief = curvature * priors.stiffness * _smoothness(len(control), priors.dof)
-    belief[np.diag_indices(path)] += _tilt_ridge(len(control), priors.dof, fit.sigma)
-    normal[:path, :path] += belief
-    gradient[:path] -= belief @ control.ravel()
-    # damping keeps knots without data in place; it does not bias the solution
-    normal[np.diag_indices(path)] += 1e-4 * curvature * min(1.0, 10 * priors.stiffness) + 1e-9
-    extra = np.arange(path, path + EXTRA)
-    normal[extra, extra] += 1e-6 * normal[extra, extra] + 1e-6
-    trust = (fit.sigma / (EXPOSURE_SIGMA * priors.exposure)) ** 2
-    normal[path + 5, path + 5] += trust
-    gradient[path + 5] -= trust * (fit.path.exposure_rows - priors.exposure)
-    for index in priors.fixed:
-        at = path + index
-        normal[at, :] = normal[:, at] = 0.0
-        normal[at, at] = 1.0
-        gradient[at] = 0.0
-    return normal, gradient
-
-
 def _step(normal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
     """Solve for the Gauss-Newton step; zero where the frame holds nothing to learn from."""
     try:
         return cho_solve(cho_factor(normal, lower=True), gradient)
     except LinAlgError:
         return np.zeros(len(gradient))
-
-
-@cache
-def _smoothness(knots: int, dof: int) -> np.ndarray:
-    """Penalty on slope and bend of each path coordinate, knots x coordinates interleaved."""
-    first, second = (np.diff(np.eye(knots), n, axis=0) for n in (1, 2))
-    return np.kron(second.T @ second, np.diag(BEND[:dof])) + np.kron(
-        first.T @ first, np.diag(SLOPE[:dof])
-    )
-
-
-def _tilt_ridge(knots: int, dof: int, sigma: float) -> np.ndarray:
-    ridge = np.zeros((knots, dof))
-    ridge[:, 4:] = (sigma / TILT_SIGMA) ** 2
-    return ridge.ravel()
 
 
 def _stepped(
@@ -382,18 +317,6 @@ def _stepped(
         information=fit.information,
         used=seen.size / system.misfit.size,
     )
-
-
-def _select_points(image: np.ndarray, n: int) -> _Points:
-    """Choose the strongest gradient in each bin of every few rows of one pyramid level."""
-    step = max(1, round(ROW_STEP / 2.0 ** (0.7 * n)))
-    width = max(3, round(BIN_WIDTH / 1.3**n))
-    rows = np.arange(step // 2, image.shape[0], step)
-    shape = (len(rows), max(1, image.shape[1] // width))
-    columns = np.zeros(shape, np.int64)
-    values = np.zeros(shape, np.float32)
-    strongest_gradients(image, rows, width, columns, values)
-    return _Points(rows, columns, values)
 
 
 def _run_all(executor: Executor, task: Callable[[int], None], count: int) -> None:
