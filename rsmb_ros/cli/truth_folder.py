@@ -45,7 +45,16 @@ def write_frame(folder: Path, index: int, case: Case) -> dict[str, Any]:
 def write_truth(
     folder: Path, reference: np.ndarray, about: Mapping[str, Any], frames: list[dict[str, Any]]
 ) -> None:
-    """Write the reference and, last, truth.json: a folder with it is complete."""
+    """
+    Write the reference and, last, truth.json: a folder with it is complete.
+
+    Frames of an older truth.json that are no part of the new one are removed.
+    """
+    written = {entry['frame'] for entry in frames}
+    for entry in _older_entries(folder / TRUTH):
+        if entry['frame'] not in written:
+            for kind in ('live', 'truth', 'objects', 'layers'):
+                (folder / f'{kind}_{entry["frame"]:03d}.png').unlink(missing_ok=True)
     write_png(folder / REFERENCE, reference)
     write_whole(folder / TRUTH, to_json({**about, 'frames': frames}).encode())
 
@@ -66,8 +75,8 @@ def cases_in(folder: Path) -> Iterator[Case]:
     found = folders_in(folder)
     for one in found:
         top = folder.resolve().name  # of '.' too
-        name = top if one == folder else f'{top}/{one.name}'
-        yield from _cases(one, name)
+        # one folder or many: all are cases of one table
+        yield from _cases(one, f'{top}/' if one == folder else f'{top}/{one.name} ')
 
 
 def folders_in(folder: Path) -> list[Path]:
@@ -95,6 +104,11 @@ def _lives(folder: Path) -> list[Path]:
     return lives
 
 
+def _number(live_path: Path) -> int | None:
+    number = live_path.stem.removeprefix('live_')
+    return int(number) if number.isdigit() else None
+
+
 def _cases(folder: Path, name: str) -> Iterator[Case]:
     reference = read_image(folder / REFERENCE)
     about = _read_truth(folder / TRUTH)
@@ -112,9 +126,9 @@ def _cases(folder: Path, name: str) -> Iterator[Case]:
             raise FileProblem(f'{truth_path}: holds labels {odd[:5]}, must be of {LABELS}')
         objects_path = folder / f'objects_{number}.png'
         objects = _map(objects_path, live) if objects_path.is_file() else _parts(label)
-        entry = entries.get(int(number), {}) if number.isdigit() else {}
+        entry = entries.get(_number(live_path), {})
         motion = _motion(folder, number, entry, about, live, reference)
-        yield Case(f'{name}/{number}', reference, live, label, objects, focal, motion, entry)
+        yield Case(f'{name}{number}', reference, live, label, objects, focal, motion, entry)
 
 
 def _motion(
@@ -205,6 +219,14 @@ def _read_truth(path: Path) -> dict[str, Any]:
     if not isinstance(frames, list) or not all(map(_is_entry, frames)):
         raise FileProblem(f'{path}: must hold an object with a list of frames, each with a number')
     return content
+
+
+def _older_entries(path: Path) -> list[dict[str, Any]]:
+    """Return the frames of a truth.json that is about to be replaced, whatever it holds."""
+    try:
+        return _read_truth(path).get('frames', [])
+    except FileProblem:
+        return []
 
 
 def _is_entry(entry: Any) -> bool:

@@ -340,3 +340,13 @@ def test_suite_on_photos_says_what_it_needs(synth, monkeypatch):
     done, out = synth('--suite', 'photos')
     assert (done.code, out.exists()) == (1, False)
     assert 'give the folder that holds them with --data or RSMB_DATA' in done.err
+
+
+def test_frames_of_an_older_run_are_removed_and_nothing_else(made, tmp_path):
+    out = made('--frames', 3, name='again')
+    (out / 'live_own.png').write_bytes(b'mine')
+    again = made('--frames', 1, name='again')
+    assert again == out
+    names = sorted(path.name for path in out.glob('*_*.png'))
+    kinds = ('layers_000.png', 'live_000.png', 'live_own.png', 'objects_000.png', 'truth_000.png')
+    assert names == sorted(kinds)

@@ -118,7 +118,7 @@ def test_folders_in_a_folder_are_read_one_by_one(straight, tmp_path):
     (tmp_path / 'notes.txt').write_text('mine')
     (tmp_path / 'empty').mkdir()
     assert count_in(tmp_path) == 2
-    names = [f'{tmp_path.name}/a/000', f'{tmp_path.name}/b/000']
+    names = [f'{tmp_path.name}/a 000', f'{tmp_path.name}/b 000']
     assert [case.name for case in cases_in(tmp_path)] == names
 
 
