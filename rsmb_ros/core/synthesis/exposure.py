@@ -13,12 +13,13 @@ from rsmb_ros.core.motion import Grid, coordinates_from_poses, homographies
 from rsmb_ros.core.photometric import to_linear
 from rsmb_ros.core.shutter import ShutterTiming
 
-from .scene import Scene, Sheet
+from .scene import STATIC, Scene, Sheet
 
 INSTANTS_PER_PX = 2.0  # instants of the exposure per pixel of motion
 CENTROID_SAMPLES = 64
 CHUNK_ROWS = 16  # rows a thread takes at a time
 THREADS = 2
+PAD = 2  # px around a sheet: its colour goes on, its alpha ends
 
 Path = Callable[[np.ndarray], np.ndarray]  # times (n,) [rows] -> poses (n, 6)
 
@@ -72,52 +73,22 @@ def expose(
 
     """
     rows, cols = grid.live_shape
-    sheets = [*objects, *scene.layers]
-    ground = _with_channels(scene.background)
-    planes = [_packed(ground, np.ones(ground.shape[:2]), gamma, 0)]
-    planes += [_packed(_with_channels(s.texture), s.cover, gamma, 2) for s in sheets]
-    sizes = [plane.size for plane in planes]
-    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
-    shapes = np.array([plane.shape[:2] for plane in planes], np.int64)
-    margin = scene.margin
-    corners = np.array([(margin, margin), *((2 - s.x, 2 - s.y) for s in sheets)], np.float64)
-    kinds = np.array([0, *(s.kind for s in sheets)], np.int64)
+    planes = _Planes.of(scene, [*objects, *scene.layers], gamma)
     poses = row_instants(path, timing, rows, instants)
     counts = np.array([len(row) for row in poses], np.int64)
     begins = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    coordinates = coordinates_from_poses(np.concatenate(poses), grid)
-    depths = [1.0, *(s.relative_depth for s in sheets)]
-    by_depth = {d: homographies(coordinates, grid, d).reshape(-1, 9) for d in set(depths)}
-    hs = np.stack([by_depth[d] for d in depths], axis=1)
-    channels = ground.shape[2]
-    light, before = np.zeros((2, rows, cols, channels))
-    cover = np.zeros((len(planes), rows, cols), np.float32)
+    hs = _homographies(np.concatenate(poses), grid, planes.depths)
+    light, before = np.zeros((2, rows, cols, planes.channels))
+    cover = np.zeros((len(planes.depths), rows, cols), np.float32)
     places = np.zeros((rows, cols, 2))
     outside = np.zeros((rows, cols), np.float32)
-    flat = np.concatenate([plane.ravel() for plane in planes])
 
     def work(first: int) -> None:
         expose_rows(
-            first,
-            min(first + CHUNK_ROWS, rows),
-            flat,
-            starts,
-            shapes,
-            corners,
-            kinds,
-            hs,
-            counts,
-            begins,
-            grid.center,
-            grid.half_width,
-            distortion,
-            channels,
-            light,
-            before,
-            cover,
-            places,
-            outside,
-        )
+            first, min(first + CHUNK_ROWS, rows), planes.flat, planes.starts, planes.shapes,
+            planes.corners, planes.kinds, hs, counts, begins, grid.center, grid.half_width,
+            distortion, planes.channels, light, before, cover, places, outside,
+        )  # fmt: skip
 
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(work, range(0, rows, CHUNK_ROWS)))
@@ -128,6 +99,45 @@ def expose(
         places.astype(np.float32),
         outside,
     )
+
+
+@dataclass(frozen=True)
+class _Planes:
+    """Ground and sheets in the form the kernel takes them, the ground first."""
+
+    flat: np.ndarray  # linear light and alpha of all planes, one after the other
+    starts: np.ndarray  # (planes,) where each begins in `flat`
+    shapes: np.ndarray  # (planes, 2) rows and columns
+    corners: np.ndarray  # (planes, 2) column and row of the reference's corner in each
+    kinds: np.ndarray  # (planes,) STATIC, NEW or GONE
+    depths: tuple[float, ...]  # relative
+    channels: int
+
+    @classmethod
+    def of(cls, scene: Scene, sheets: Sequence[Sheet], gamma: float) -> _Planes:
+        ground = _with_channels(scene.background)
+        packed = [_packed(ground, np.ones(ground.shape[:2]), gamma, 0)]
+        packed += [
+            _packed(_with_channels(sheet.texture), sheet.cover, gamma, PAD) for sheet in sheets
+        ]
+        ends = np.cumsum([plane.size for plane in packed])
+        corners = [(scene.margin, scene.margin), *((PAD - s.x, PAD - s.y) for s in sheets)]
+        return cls(
+            flat=np.concatenate([plane.ravel() for plane in packed]),
+            starts=np.concatenate([[0], ends[:-1]]).astype(np.int64),
+            shapes=np.array([plane.shape[:2] for plane in packed], np.int64),
+            corners=np.array(corners, np.float64),
+            kinds=np.array([STATIC, *(sheet.kind for sheet in sheets)], np.int64),
+            depths=(1.0, *(sheet.relative_depth for sheet in sheets)),
+            channels=ground.shape[2],
+        )
+
+
+def _homographies(poses: np.ndarray, grid: Grid, depths: Sequence[float]) -> np.ndarray:
+    """Homographies (n, planes, 9) of poses (n, 6) for planes at relative `depths`."""
+    coordinates = coordinates_from_poses(poses, grid)
+    by_depth = {d: homographies(coordinates, grid, d).reshape(-1, 9) for d in set(depths)}
+    return np.stack([by_depth[d] for d in depths], axis=1)
 
 
 def row_centroids(path: Path, timing: ShutterTiming, rows: int) -> np.ndarray:
