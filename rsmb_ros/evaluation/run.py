@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from rsmb_ros.core.config import Config
@@ -70,10 +70,3 @@ def run_case(case: Case, methods: Iterable[Method]) -> CaseRun:
             outcomes[method.name] = method(case.reference, case.live, case.focal_px)
     scores = {name: score(outcome, case, name) for name, outcome in outcomes.items()}
     return CaseRun(case, outcomes, scores)
-
-
-def run_cases(cases: Iterable[Case], methods: Iterable[Method]) -> Iterator[CaseRun]:
-    """Yield the cases one by one: they are large, keep only what is needed."""
-    methods = list(methods)
-    for case in cases:
-        yield run_case(case, methods)

@@ -13,7 +13,7 @@ from rsmb_ros.evaluation.case import Case
 from rsmb_ros.evaluation.methods import NotRegistered
 from rsmb_ros.evaluation.ours import Ours
 from rsmb_ros.evaluation.rivals import RIVALS, Rival
-from rsmb_ros.evaluation.run import KNOWN_METHODS, methods_of, run_case, run_cases, settings_of
+from rsmb_ros.evaluation.run import KNOWN_METHODS, methods_of, run_case, settings_of
 from rsmb_ros.evaluation.suites import SUITES, Wish
 from rsmb_ros.evaluation.warping import places_of_homography, places_of_poses, registration_at
 
@@ -131,7 +131,8 @@ def test_rivals_with_one_registrar_register_once(quick):
 
 def test_every_case_is_registered_anew(quick):
     registrar = Fake()
-    list(run_cases(quick, [rival('a', registrar), rival('b', registrar)]))
+    for case in quick:
+        run_case(case, [rival('a', registrar), rival('b', registrar)])
     assert registrar.calls == len(quick)
 
 
@@ -150,21 +151,6 @@ def test_default_and_tuned_twin_agree_with_being_called_alone(quick):
     for method in methods:
         alone = RIVALS[method.name](case.reference, case.live, case.focal_px)
         np.testing.assert_array_equal(found.outcomes[method.name].change, alone.change)
-
-
-def test_cases_are_taken_one_by_one(quick):
-    """They are large: the next is made when the last is measured."""
-    taken = []
-
-    def cases():
-        for case in quick:
-            taken.append(case.name)
-            yield case
-
-    runs = run_cases(cases(), [rival('a', Fake())])
-    assert taken == []
-    assert next(runs).case is quick[0]
-    assert taken == ['quick/00']
 
 
 def test_scores_carry_the_names_of_case_and_method(quick):

@@ -12,6 +12,22 @@ from .geometry import OPTIONS, rotation
 UNSEEN = -1e6  # value of a warped pixel that lies outside the reference
 
 
+@njit(inline='always', **OPTIONS)
+def bilinear(fine, half_rows, half_columns, u, v):
+    """Return the half-pixel reference at column `u`, row `v` [half pixels], which must be in it."""
+    # the last sample of a row or column has no right neighbour: step back one
+    iu = min(int(u), half_columns - 2)
+    iv = min(int(v), half_rows - 2)
+    f_u = np.float32(u - iu)
+    f_v = np.float32(v - iv)
+    at = iv * half_columns + iu
+    f00 = fine[at]
+    f10 = fine[at + half_columns]
+    top = f00 + f_u * (fine[at + 1] - f00)
+    bottom = f10 + f_u * (fine[at + half_columns + 1] - f10)
+    return top + f_v * (bottom - top)
+
+
 @njit(**OPTIONS)
 def pose_homography(pose, focal, inverse_depth, out):
     """Write H = K (R + T n^T / d) K^-1 between centred pixels for tau = `pose` (Eq. 2)."""
@@ -54,16 +70,7 @@ def warp_rows(rows, stride, poses, fine, half_rows, half_columns, focal, center,
                     out[k, start + x] = UNSEEN
                     continue
                 inside += 1
-                iu = min(int(u), half_columns - 2)
-                iv = min(int(v), half_rows - 2)
-                f_u = np.float32(u - iu)
-                f_v = np.float32(v - iv)
-                at = iv * half_columns + iu
-                f00 = fine[at]
-                f10 = fine[at + half_columns]
-                top = f00 + f_u * (fine[at + 1] - f00)
-                bottom = f10 + f_u * (fine[at + half_columns + 1] - f10)
-                out[k, start + x] = top + f_v * (bottom - top)
+                out[k, start + x] = bilinear(fine, half_rows, half_columns, u, v)
         counts[k] = inside
 
 
@@ -127,16 +134,7 @@ def blend_rows(
                 if u < 0.0 or v < 0.0 or u > u_limit or v > v_limit:
                     complete[i, x] = False
                     continue
-                iu = min(int(u), half_columns - 2)
-                iv = min(int(v), half_rows - 2)
-                f_u = np.float32(u - iu)
-                f_v = np.float32(v - iv)
-                at = iv * half_columns + iu
-                f00 = fine[at]
-                f10 = fine[at + half_columns]
-                top = f00 + f_u * (fine[at + 1] - f00)
-                bottom = f10 + f_u * (fine[at + half_columns + 1] - f10)
-                out[i, x] += share * (top + f_v * (bottom - top))
+                out[i, x] += share * bilinear(fine, half_rows, half_columns, u, v)
         for x in range(out.shape[1]):
             if not complete[i, x]:
                 out[i, x] = 0.0
