@@ -14,10 +14,12 @@ from .coarse import StripMatches
 from .config import Config
 from .layers import NO_SHIFT, Front, Layer, fronts
 from .motion import CameraPath, Grid, shifted
-from .path_estimator import PathEstimator, PathFit, row_uncertainty
+from .path_estimator import PathEstimator
+from .path_fit import PathFit, row_uncertainty
 from .photometric import to_display, to_linear
 from .reference import Reference, at_limit
 from .render import Window, blurred, rectified
+from .sampling import HALF_PIXELS, defocused, softened
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
 SHARP_ROWS = 3.0  # exposure of a frame that is taken for sharp [rows]
@@ -186,11 +188,16 @@ class PathFrame(RegisteredFrame):
     def _gain_field(self) -> np.ndarray:
         return self.fit.light.gain_field(self.grey.shape)
 
+    @cached_property
+    def _fine(self) -> np.ndarray:
+        """Half-pixel reference as sharp as the live camera's lens shows it, linear light."""
+        return defocused(self._reference.fine, self._reference.softer, self.fit.defocus)
+
     def render(
         self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
     ) -> tuple[np.ndarray, np.ndarray]:
         """Display values a layer would have in the live frame, and where they hold."""
-        linear, complete = self._blurred(self._reference.fine, depth, window, shift)
+        linear, complete = self._blurred(self._fine, depth, window, shift)
         light = linear * self._gain_field[window.box] + np.float32(self.fit.light.bias)
         return to_display(light, self._reference.gamma), complete
 
@@ -209,7 +216,11 @@ class PathFrame(RegisteredFrame):
         if self._reference.image.ndim == 2:
             image = self.predicted * self.complete
         else:
-            planes = [self._composited(fine) for fine in self._reference.fine_planes]
+            defocus = self.fit.defocus
+            planes = [
+                self._composited(defocused(fine, softened(fine, HALF_PIXELS), defocus))
+                for fine in self._reference.fine_planes
+            ]
             image = self.fit.light.apply(np.stack(planes, axis=-1), self._reference.gamma)
             image *= self.complete[..., None]
         return np.rint(image).astype(np.uint8)
@@ -232,7 +243,7 @@ class PathStage:
     ) -> None:
         self._reference = reference
         self._executor = executor
-        self._estimator = PathEstimator(reference.linear, grid, config, executor)
+        self._estimator = PathEstimator(reference, grid, config, executor)
 
     def frame(
         self, live: np.ndarray, grey: np.ndarray, matches: StripMatches, sharp: bool = False

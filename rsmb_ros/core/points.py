@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ._kernels.fit import strongest_gradients
+from ._kernels.fit_row import strongest_gradients
 
 ROW_STEP = 4  # rows between rows of points, at full size
 BIN_WIDTH = 7  # px per point, at full size

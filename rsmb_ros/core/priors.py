@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from ._kernels.fit import EXTRA
+from ._kernels.fit_row import EXTRA
 
 # How reluctantly each path coordinate bends and changes; a row alone hardly sees the tilt.
 BEND = np.array([0.1, 0.1, 0.2, 0.4, 2.0, 2.0])

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from .photometric import luma, to_linear
-from .sampling import half_pixel
+from .sampling import half_pixel, softened
 
 CLIPPED = 250  # display value from which on a colour may be anything brighter
 
@@ -49,6 +49,16 @@ class Reference:
     def fine(self) -> np.ndarray:
         """Half-pixel samples of `linear`, (2M, 2N) float32."""
         return half_pixel(self.linear)
+
+    @cached_property
+    def soft(self) -> np.ndarray:
+        """What defocus of 1 px^2 adds to `linear`, (M, N) float32."""
+        return softened(self.linear, 1.0)
+
+    @cached_property
+    def softer(self) -> np.ndarray:
+        """Half-pixel samples of `soft`, (2M, 2N) float32."""
+        return half_pixel(self.soft)
 
     @cached_property
     def fine_clipped(self) -> np.ndarray | None:

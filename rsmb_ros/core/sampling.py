@@ -7,6 +7,7 @@ import numpy as np
 
 # Half-pixel interpolation, 8 taps; what lies between the half pixels is sampled bilinearly.
 HALF_PIXEL_TAPS = np.array([-0.0105, 0.0465, -0.1525, 0.6165], np.float32)
+HALF_PIXELS = 0.5  # px between two samples of `half_pixel`
 _KERNEL = np.concatenate([HALF_PIXEL_TAPS, HALF_PIXEL_TAPS[::-1]]) / (2 * HALF_PIXEL_TAPS.sum())
 
 
@@ -27,6 +28,25 @@ def half_pixel(image: np.ndarray) -> np.ndarray:
     fine[1::2, 0::2] = cv2.filter2D(image, cv2.CV_32F, **below)
     fine[1::2, 1::2] = cv2.filter2D(right, cv2.CV_32F, **below)
     return fine
+
+
+def softened(image: np.ndarray, pixel: float) -> np.ndarray:
+    """
+    Return what defocus of 1 px^2 adds to an image (M, N) float32, a pixel of it being `pixel` px.
+
+    Small blurs add up like their variances, so `image + variance * softened` is a lens that
+    blurs by `variance`; see `defocused`.
+    """
+    return cv2.GaussianBlur(image, (0, 0), 1.0 / pixel) - image
+
+
+def defocused(image: np.ndarray, softer: np.ndarray, variance: float) -> np.ndarray:
+    """
+    Return an image (M, N) float32 seen through a lens that blurs by `variance` more [px^2].
+
+    `softer` (M, N) is what `softened` says that 1 px^2 adds; negative variances sharpen.
+    """
+    return image if variance == 0.0 else cv2.scaleAdd(softer, variance, image)
 
 
 def pyramid(image: np.ndarray, levels: int) -> list[np.ndarray]:

@@ -1,0 +1,43 @@
+"""What the path estimator finds out about a live frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+
+from ._kernels.fit_row import EXTRA
+from .motion import CameraPath
+from .photometric import Light
+
+
+@dataclass(frozen=True)
+class PathFit:
+    """Outcome of the estimation."""
+
+    path: CameraPath
+    light: Light
+    defocus: float  # variance of the live frame's blur that is not motion, over reference's [px^2]
+    sigma: float  # robust standard deviation of the residual [grey levels]
+    cost: float  # mean truncated residual [grey levels]; compares starts
+    information: np.ndarray  # (D, D) inverse covariance of control points and extras [1/px^2]
+    used: float  # share of the points that lie in the reference, 0..1
+
+
+def row_uncertainty(fit: PathFit) -> np.ndarray:
+    """Standard deviation of each row's place at mid-exposure (M,) [px], from the Hessian."""
+    path = fit.path
+    knots = len(path.control)
+    dof = (len(fit.information) - EXTRA) // knots
+    try:
+        factor = cho_factor(fit.information, lower=True)
+    except LinAlgError:
+        return np.full(len(path.row_times), np.inf)
+    basis = path.spline_basis(path.row_times)
+    variance = np.zeros(len(basis))
+    for e in (0, 1):
+        place = np.zeros((len(fit.information), len(basis)))
+        place[e : knots * dof : dof] = basis.T
+        variance += np.einsum('kt,kt->t', place, cho_solve(factor, place))
+    return np.sqrt(variance)
