@@ -21,6 +21,7 @@ STRIPS = 14  # bands of rows
 PARTS = 3  # pieces of one band
 WOBBLE = 3  # px at search width: what rolling shutter may move a patch from the global offset
 EDGE = 3  # px of room that a piece needs to the reference's edge
+SAME_PLACE = 2.0  # px at search width that a band may lie off the place it was matched around
 MIN_CONTRAST = 2.0  # grey levels; flatter patches say nothing
 MIN_PEAK = 0.4  # normalised correlation of a strip that counts
 SPLINE_SAMPLES = 8  # instants per exposure in the start's design matrix
@@ -37,7 +38,7 @@ class StripMatches:
     shift: np.ndarray  # (n, 2) reference place - live place [px]
     weight: np.ndarray  # (n, 2) trust in the two components, >= 0
     offset: np.ndarray  # (2,) global vote: where the live centre lies [px from the ref. centre]
-    peak: float  # mean correlation of the vote's patches, 0..1
+    peak: float  # mean correlation of the vote's patches, 0..1; NaN without a vote
 
 
 class CoarseSearch:
@@ -50,14 +51,18 @@ class CoarseSearch:
         self._textured = _local_contrast(self._reference)
         self._fraction = search_fraction
 
-    def match(self, live: np.ndarray) -> StripMatches:
+    def match(self, live: np.ndarray, near: np.ndarray | None = None) -> StripMatches:
         """
         Match a live image (M, N) float32 of display values.
 
+        With `near`, the `offset` (2,) that a frame before it had [px], that is not searched for.
         No exception when nothing matches: `peak` is low and the pieces are few.
         """
         small = _reduced(live, self._factor)
-        corner, peak = self._vote(small)
+        if near is None:
+            corner, peak = self._vote(small)
+        else:
+            corner, peak = near / self._factor - self._shift_of(small.shape, np.zeros(2)), np.nan
         found = self._tracked(small, corner)
         table = np.array(found) if found else np.zeros((0, 6))
         table[:, :4] *= self._factor
@@ -79,7 +84,8 @@ class CoarseSearch:
         for order in (range(anchor + 1, len(tops)), range(anchor - 1, -1, -1)):
             place = self._moved(small.shape, bands[anchor], corner)
             for n in order:
-                bands[n] = list(self._band(small, tops[n], height, place))
+                near = np.abs(place - corner).max() <= SAME_PLACE
+                bands[n] = at_vote[n] if near else list(self._band(small, tops[n], height, place))
                 place = self._moved(small.shape, bands[n], place)
         return [piece for n in sorted(bands) for piece in bands[n]]
 

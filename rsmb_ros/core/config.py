@@ -129,6 +129,15 @@ class RegistrationConfig:
 
 
 @dataclass(frozen=True)
+class StreamConfig:
+    """What the frames of a stream teach about the next one."""
+
+    hold: bool = _switch(
+        True, 'start from the last frame, hold its exposure; false = each frame alone'
+    )
+
+
+@dataclass(frozen=True)
 class PhotometricConfig:
     """Difference of light between reference and live frame."""
 
@@ -189,6 +198,7 @@ class Config:
     camera: CameraConfig = field(default_factory=CameraConfig)
     shutter: ShutterConfig = field(default_factory=ShutterConfig)
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
+    stream: StreamConfig = field(default_factory=StreamConfig)
     photometric: PhotometricConfig = field(default_factory=PhotometricConfig)
     change: ChangeConfig = field(default_factory=ChangeConfig)
     layers: LayersConfig = field(default_factory=LayersConfig)

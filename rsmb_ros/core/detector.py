@@ -21,13 +21,14 @@ from .coarse import CoarseSearch, StripMatches
 from .config import Config
 from .errors import FrameError
 from .features import FeatureSearch
-from .frame import BlankViews, PathStage, RegisteredFrame
+from .frame import BlankViews, PathFrame, PathStage, RegisteredFrame
 from .layers import Layer
 from .motion import Grid
 from .photometric import luma
 from .reference import Reference
 from .row_frame import RowStage
 from .segmentation import Blob, blobs, without_small, without_thin
+from .stream import StreamMemory
 from .types import NOT_REGISTERED, REGISTERED, Region, Result
 
 MIN_SIZE = 32  # px, smaller frames hold nothing to register by
@@ -50,6 +51,12 @@ class Detector:
     config : Config
         All parameters.
 
+    Notes
+    -----
+    Frames are taken for a stream: what one teaches about the camera helps the next one. Equal
+    sequences of frames give equal results; `config.stream.hold = False` makes every frame's result
+    independent of the others.
+
     Raises
     ------
     FrameError
@@ -67,6 +74,7 @@ class Detector:
         self._executor = ThreadPoolExecutor(config.worker.threads, 'rsmb')
         self._reference = Reference(self.reference, config.camera.gamma)
         self._stages: dict[tuple[int, int], _Stages] = {}
+        self._memory = StreamMemory()
 
     def camera_for(self, width: int) -> Camera:
         """Return the intrinsics used for live frames of `width` px."""
@@ -106,18 +114,44 @@ class Detector:
         if problem:
             return self._not_registered(live, problem, clock)
         coarse, features, stage = self._stages_for(grey.shape)
-        with clock.step('coarse'):
-            matches = coarse.match(grey)
-        with clock.step('registration'):
-            frame: RegisteredFrame = stage.frame(live, grey, matches)
-            problem = self._misfit(frame)
+        frame: RegisteredFrame | None = self._following(coarse, stage, live, grey, clock)
+        if frame is None:
+            with clock.step('coarse'):
+                matches = coarse.match(grey)
+            with clock.step('registration'):
+                frame = stage.frame(live, grey, matches)
+                problem = self._misfit(frame)
         if problem:
             with clock.step('second start'):
                 found = self._second_start(stage, live, grey, features.match(grey))
                 frame, problem = (found, '') if found else (frame, problem)
         if problem:
             return self._not_registered(live, problem, clock)
-        return self._registered(self._finder.find(stage, frame, clock), clock)
+        finding = self._finder.find(stage, frame, clock)
+        if self.config.stream.hold and isinstance(finding.frame, PathFrame):
+            assert isinstance(frame, PathFrame)
+            self._memory.learn(frame.fit, finding.frame.fit)
+        return self._registered(finding, clock)
+
+    def _following(
+        self,
+        coarse: CoarseSearch,
+        stage: PathStage | RowStage,
+        live: np.ndarray,
+        grey: np.ndarray,
+        clock: Clock,
+    ) -> PathFrame | None:
+        """Register from where the last frame was; None where that does not lead anywhere."""
+        if self._memory.last is None or isinstance(stage, RowStage):
+            return None
+        place = self._memory.place
+        self._memory.lose()  # until this frame is registered
+        with clock.step('coarse'):
+            matches = coarse.match(grey, place)
+        with clock.step('registration'):
+            frame = stage.following(live, grey, matches, self._memory)
+            good = self._memory.plausible(frame.fit) and not self._misfit(frame)
+        return frame if good else None
 
     def _second_start(
         self,
@@ -165,6 +199,7 @@ class Detector:
             stage = kind(self._reference, grid, self.config, self._executor)
             features = FeatureSearch(self._reference.grey, grid)
             self._stages = {shape: (coarse, features, stage)}  # one size at a time: memory
+            self._memory = StreamMemory()
         return self._stages[shape]
 
     def _without_texture(self, grey: np.ndarray) -> str:

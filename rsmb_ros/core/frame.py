@@ -20,9 +20,11 @@ from .photometric import to_display, to_linear
 from .reference import Reference, at_limit
 from .render import Window, blurred, rectified
 from .sampling import HALF_PIXELS, defocused, softened
+from .stream import StreamMemory
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
 SHARP_ROWS = 3.0  # exposure of a frame that is taken for sharp [rows]
+CLIPPED_STEP = 3.0  # px between instants where only the place of clipped parts matters
 CLIPPED_SHARE = 0.03  # of the exposure, from which on clipped parts of the reference matter
 
 
@@ -104,7 +106,11 @@ class RegisteredFrame(ABC):
         if self._reference.fine_clipped is not None:
             window = self._showing(self._reference.clipped_box)
             share, _ = blurred(
-                self._reference.fine_clipped, self.path, self._executor, window=window
+                self._reference.fine_clipped,
+                self.path,
+                self._executor,
+                window=window,
+                step_px=CLIPPED_STEP,
             )
             unknown[window.box] |= (share > CLIPPED_SHARE) & (self.residual[window.box] > 0)
         return unknown
@@ -255,6 +261,14 @@ class PathStage:
         """
         linear = to_linear(grey, self._reference.gamma)
         fit = self._estimator.estimate(linear, matches, SHARP_ROWS if sharp else None)
+        return PathFrame(self._reference, live, grey, fit, self._executor)
+
+    def following(
+        self, live: np.ndarray, grey: np.ndarray, matches: StripMatches, memory: StreamMemory
+    ) -> PathFrame:
+        """Register the next frame of a stream, see `frame`."""
+        linear = to_linear(grey, self._reference.gamma)
+        fit = self._estimator.follow(linear, matches, memory)
         return PathFrame(self._reference, live, grey, fit, self._executor)
 
     def refined(self, frame: RegisteredFrame, foreground: np.ndarray) -> RegisteredFrame:

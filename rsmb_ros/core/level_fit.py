@@ -23,7 +23,7 @@ from .priors import Priors
 from .sampling import defocused
 
 CHUNKS = 8  # blocks of rows, summed in this order whatever the number of threads
-POINT_STEP = 1.0  # px of the level between instants of the exposure
+POINT_STEP = 1.5  # px of the level between instants of the exposure
 NO_RESIDUAL = 1e8  # residuals above this mark points without reference
 MIN_SIGMA = 1.0  # grey levels; no camera is quieter
 RELINEARISE = 0.25  # px of the level the rows may move, rms, before Jacobians are worked out anew
@@ -95,7 +95,7 @@ class LevelFit:
             normal, gradient = priors.applied(
                 linear.normal, linear.gradient, fit.path.control, fit.path.exposure_rows, fit.sigma
             )
-            before, step = step, _step(normal, gradient)
+            before, step = step, _solved(normal, gradient)
             # a step that turns back has gone too far, as weakly held ends of a frame do for ever
             share = max(0.25, 0.5 * share) if step @ before < 0 else min(1.0, 1.5 * share)
             step *= share
@@ -104,7 +104,30 @@ class LevelFit:
             fit = _stepped(fit, step, linear.residuals, self._dof, start_exposure)
             if iteration >= RELAXED_AFTER and row_step < STOP_STEP[self._stage]:
                 break
-        return replace(fit, information=normal / fit.sigma**2)
+        own, sigma = self._own_exposure(linear, fit, iteration, start_exposure)
+        return replace(
+            fit,
+            information=normal / fit.sigma**2,
+            exposure_held=not free_exposure,
+            own_exposure=own,
+            own_exposure_sigma=sigma,
+        )
+
+    def _own_exposure(
+        self, linear: _Linearised, fit: PathFit, iteration: int, start: float
+    ) -> tuple[float, float]:
+        """Exposure this frame would choose, given all else it says, and its deviation [rows]."""
+        priors = self._priors(iteration, True, start)
+        exposure = fit.path.exposure_rows
+        normal, gradient = priors.applied(
+            linear.normal, linear.gradient, fit.path.control, exposure, fit.sigma
+        )
+        at = len(gradient) - EXTRA + 5
+        unit = np.zeros((len(gradient), 2))
+        unit[at, 0], unit[:, 1] = 1.0, gradient
+        solution = _solved(normal, unit)
+        change = np.clip(solution[at, 1], -0.5 * exposure, 0.5 * exposure)
+        return float(exposure + change), float(fit.sigma * np.sqrt(max(solution[at, 0], 0.0)))
 
     def _priors(self, iteration: int, free_exposure: bool, exposure: float) -> Priors:
         small = self._level.number > 1  # cannot tell blur from blur, nor light across the frame
@@ -129,9 +152,7 @@ class _Linearised:
         self.size = len(path.control) * level_fit._dof + EXTRA
         rows, count = points.columns.shape
         longest = int(MOST_CHANGE * path.exposure_rows / path.knot_rows) + 6
-        self._jacobians = np.empty(
-            (rows, longest * level_fit._dof + EXTRA, count), np.float32
-        )
+        self._jacobians = np.empty((rows, longest * level_fit._dof + EXTRA + 3, count), np.float32)
         self._knots_of = np.empty((rows, 2), np.int64)
         self._edges = np.empty((rows, count), np.float32)
         self.residuals = np.empty((rows, count), np.float32)
@@ -196,12 +217,12 @@ def _relaxed(first_and_last: tuple[float, float], iteration: int) -> float:
     return float(first * (last / first) ** min(1.0, iteration / RELAXED_AFTER))
 
 
-def _step(normal: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """Solve for the Gauss-Newton step; zero where the frame holds nothing to learn from."""
+def _solved(normal: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Solve the normal equations; zero where the frame holds nothing to learn from."""
     try:
-        return cho_solve(cho_factor(normal, lower=True), gradient)
+        return cho_solve(cho_factor(normal, lower=True), target)
     except LinAlgError:
-        return np.zeros(len(gradient))
+        return np.zeros_like(target)
 
 
 def _stepped(
@@ -218,12 +239,12 @@ def _stepped(
     )
     seen = np.abs(residuals[residuals < NO_RESIDUAL])
     sigma = max(MIN_SIGMA, 1.4826 * float(np.median(seen))) if seen.size else fit.sigma
-    return PathFit(
+    return replace(
+        fit,
         path=replace(path, control=control, exposure_rows=float(exposure)),
         light=Light(fit.light.gain + extra[:4], fit.light.bias + float(BIAS_SCALE) * extra[4]),
         defocus=float(np.clip(fit.defocus + extra[6], *DEFOCUS)),
         sigma=sigma,
         cost=float(np.minimum(seen, 30.0).mean()) if seen.size else np.inf,
-        information=fit.information,
         used=seen.size / residuals.size,
     )

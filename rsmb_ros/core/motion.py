@@ -102,6 +102,12 @@ class CameraPath:
         run = np.diff(np.interp(ends, times, length), axis=1)[:, 0] * stretch
         return np.clip(np.ceil(run / step_px) + 1, 2, most).astype(np.int64)
 
+    @property
+    def offset(self) -> np.ndarray:
+        """Where the middle of the frame lies (2,) [px from the reference's centre]."""
+        middle = 0.5 * (self.grid.live_shape[0] - 1)
+        return self.coordinates(np.array([middle]))[0, :2]
+
     def row_homographies(self, relative_depth: float = 1.0) -> np.ndarray:
         """Homography of each row's centroid pose between centred pixels (M, 3, 3)."""
         return homographies(self.row_centroids(), self.grid, relative_depth)

@@ -22,11 +22,13 @@ from .photometric import Light, to_display
 from .points import Points, select_points
 from .reference import Reference
 from .sampling import half_pixel, pyramid
+from .stream import StreamMemory
 
 COARSEST_WIDTH = 160  # px; the pyramid ends there
 COLD_EXPOSURES = (3.0, 12.0, 36.0, 90.0, 200.0)  # rows, tried when nothing is known
 TRIAL = 4  # iterations each of them gets at half size
 FINALISTS = 2  # of them that are fitted until they stand
+FOLLOWING_LEVELS = 2  # finest, that the next frame of a stream is fitted at
 
 
 class PathEstimator:
@@ -56,17 +58,24 @@ class PathEstimator:
 
         Never raises on image content: a hopeless frame ends with a large `cost`.
         """
-        gamma = self._config.camera.gamma
-        points = [
-            select_points(to_display(image, gamma), n)
-            for n, image in enumerate(pyramid(live, len(self._levels)))
-        ]
+        points = self._points(live, len(self._levels))
         given = exposure or self._config.shutter.exposure_rows
         if given > 0:
             fit = self._fit_levels(points, self._start(matches, given), 0, free_exposure=False)
         else:
             fit = self._self_calibrated(points, matches)
         return fit
+
+    def follow(self, live: np.ndarray, matches: StripMatches, memory: StreamMemory) -> PathFit:
+        """Fit the path of the next frame of a stream: blur and light are near the last one's."""
+        last = memory.last
+        assert last is not None
+        given = self._config.shutter.exposure_rows
+        start = self._start(matches, given or memory.exposure_rows or last.path.exposure_rows)
+        start = replace(start, light=last.light, defocus=last.defocus)
+        free = given == 0 and not memory.calibrated
+        count = min(FOLLOWING_LEVELS, len(self._levels))
+        return self._fit_levels(self._points(live, count), start, 0, free)
 
     def refine(self, live: np.ndarray, fit: PathFit, foreground: np.ndarray) -> PathFit:
         """
@@ -75,14 +84,20 @@ class PathEstimator:
         `foreground` (M, N) bool marks pixels of static objects at other depths: in rows that they
         dominate, the path had followed them.
         """
-        gamma = self._config.camera.gamma
-        finest = min(1, len(self._levels) - 1)
-        masks = pyramid(foreground.astype(np.float32), finest + 1)
+        count = min(2, len(self._levels))
+        masks = pyramid(foreground.astype(np.float32), count)
         points = [
-            select_points(to_display(image, gamma), n).without(mask > 0)
-            for n, (image, mask) in enumerate(zip(pyramid(live, finest + 1), masks, strict=True))
+            points.without(mask > 0)
+            for points, mask in zip(self._points(live, count), masks, strict=True)
         ]
-        return self._fit_levels(points, fit, 0, self._config.shutter.exposure_rows == 0)
+        return self._fit_levels(points, fit, 0, not fit.exposure_held)
+
+    def _points(self, live: np.ndarray, count: int) -> list[Points]:
+        gamma = self._config.camera.gamma
+        return [
+            select_points(to_display(image, gamma), n)
+            for n, image in enumerate(pyramid(live, count))
+        ]
 
     def _start(self, matches: StripMatches, exposure: float) -> PathFit:
         bottom_up = self._config.shutter.readout == 'bottom_up'

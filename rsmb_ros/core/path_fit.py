@@ -23,6 +23,9 @@ class PathFit:
     cost: float  # mean truncated residual [grey levels]; compares starts
     information: np.ndarray  # (D, D) inverse covariance of control points and extras [1/px^2]
     used: float  # share of the points that lie in the reference, 0..1
+    exposure_held: bool = False  # it was given, and not looked for in this frame
+    own_exposure: float = float('nan')  # what this frame alone says of it [rows]
+    own_exposure_sigma: float = float('inf')  # [rows]
 
 
 def row_uncertainty(fit: PathFit) -> np.ndarray:

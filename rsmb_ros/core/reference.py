@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
+import cv2
 import numpy as np
 
 from .photometric import luma, to_linear
@@ -62,9 +63,11 @@ class Reference:
 
     @cached_property
     def fine_clipped(self) -> np.ndarray | None:
-        """Half-pixel samples (2M, 2N) of 1 where a colour is clipped, else 0; None: nowhere."""
-        clipped = at_limit(self.image)
-        return half_pixel(clipped.astype(np.float32)) if clipped.any() else None
+        """Half-pixel samples (2M, 2N): 1 at and next to clipped colours, else 0; None: nowhere."""
+        clipped = at_limit(self.image).astype(np.uint8)
+        if not clipped.any():
+            return None
+        return half_pixel(cv2.dilate(clipped, np.ones((3, 3), np.uint8)).astype(np.float32))
 
     @cached_property
     def clipped_box(self) -> tuple[int, int, int, int]:

@@ -37,6 +37,7 @@ def blurred(
     executor: Executor,
     relative_depth: float = 1.0,
     window: Window | None = None,
+    step_px: float = STEP_PX,
 ) -> tuple[np.ndarray, np.ndarray]:
     """
     Warp the reference row by row and average it over each row's exposure (Eq. 1).
@@ -53,6 +54,8 @@ def blurred(
         ``d_l`` of the layer that is rendered, background = 1.
     window : Window, optional
         Part of the live frame; default all of it.
+    step_px : float
+        How far the reference may move between two instants of the exposure [px].
 
     Returns
     -------
@@ -66,7 +69,7 @@ def blurred(
     window = window or Window(0, rows, 0, cols)
     image = np.zeros((rows, cols), np.float32)
     begins, ends = np.zeros(rows, np.int64), np.zeros(rows, np.int64)
-    samples = path.samples_per_row(STEP_PX, stretch=max(1.0, 1.0 / relative_depth))
+    samples = path.samples_per_row(step_px, stretch=max(1.0, 1.0 / relative_depth))
     times, flat = path.row_times, fine.ravel()
     height = window.bottom - window.top
 

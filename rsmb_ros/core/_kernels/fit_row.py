@@ -14,17 +14,19 @@ BIAS_SCALE = np.float32(10.0)  # grey levels per unit of the bias unknown
 
 
 @njit(**OPTIONS)
-def strongest_gradients(image, rows, bin_width, columns, values):
-    """Write, per row and bin, the column of the largest |dx| + |dy| and the value there."""
+def strongest_gradients(image, rows, columns, values):
+    """Write, per row and bin of it, the column of the largest |dx| + |dy| and the value there."""
     height, width = image.shape
+    bins = columns.shape[1]
     for r in range(rows.size):
         y = rows[r]
         above = max(y - 1, 0)
         below = min(y + 1, height - 1)
-        for b in range(columns.shape[1]):
+        for b in range(bins):
             best = np.float32(-1.0)
-            best_x = 1
-            for x in range(max(1, b * bin_width), min(width - 1, (b + 1) * bin_width)):
+            begin = max(1, b * width // bins)
+            best_x = begin
+            for x in range(begin, min(width - 1, (b + 1) * width // bins)):
                 strength = abs(image[y, x + 1] - image[y, x - 1]) + abs(
                     image[below, x] - image[above, x]
                 )
@@ -61,10 +63,13 @@ def place_row(
         v = (b0 + h[3] * x) * w
         fine_u = (u + center[2]) * scale + shift
         fine_v = (v + center[3]) * scale + shift
-        if not (0.0 <= fine_u <= u_limit and 0.0 <= fine_v <= v_limit):
-            inside[p] = np.float32(0.0)
-            fine_u = min(max(fine_u, 0.0), u_limit)
-            fine_v = min(max(fine_v, 0.0), v_limit)
+        # without branches, so that the loop is vectorised
+        held_u = min(max(fine_u, 0.0), u_limit)
+        held_v = min(max(fine_v, 0.0), v_limit)
+        known = (held_u == fine_u) & (held_v == fine_v)
+        inside[p] *= np.float32(known)
+        fine_u = held_u
+        fine_v = held_v
         i = np.int32(fine_v)
         j = np.int32(fine_u)
         f_u[p] = np.float32(fine_u - j)
@@ -175,12 +180,21 @@ def add_row(
         for p in range(points):
             total_g += weighted[p] * residual[p]
         gradient[gm] += total_g
-        for n in range(m + 1):
-            gn = base + n if n < active else extra + n - active
-            total_h = np.float32(0.0)
+        # four at a time: one load of a weighted derivative serves four sums
+        for n in range(0, m + 1, 4):
+            h0 = np.float32(0.0)
+            h1 = np.float32(0.0)
+            h2 = np.float32(0.0)
+            h3 = np.float32(0.0)
             for p in range(points):
-                total_h += weighted[p] * jacobian[n, p]
-            normal[gm, gn] += total_h
+                h0 += weighted[p] * jacobian[n, p]
+                h1 += weighted[p] * jacobian[n + 1, p]
+                h2 += weighted[p] * jacobian[n + 2, p]
+                h3 += weighted[p] * jacobian[n + 3, p]
+            four = (h0, h1, h2, h3)
+            for i in range(min(4, m + 1 - n)):
+                gn = base + n + i if n + i < active else extra + n + i - active
+                normal[gm, gn] += four[i]
     mark_outside(inside, residual)
 
 
