@@ -79,7 +79,7 @@ def blurred_row(fine, path, row, count, depth=1.0):
     grid = path.grid
     out = np.zeros(grid.live_shape[1])
     for k in range(count):
-        time = path.row_times[row] + ((k + 0.5) / count - 0.5) * path.exposure_rows
+        time = path.row_times[row] + instants(count)[k] * path.exposure_rows
         q = path_coordinates(path.control, path.first_time, path.knot_rows, time)
         h = homography(q, grid.focal_px, grid.half_width, depth)
         for x in range(grid.live_shape[1]):
@@ -94,12 +94,18 @@ def display(linear, gamma):
     return 255.0 * (max(linear, 0.25) / 255.0) ** (1.0 / gamma)
 
 
+def instants(count):
+    """Places in an exposure, equally far apart, whose variance is that of the exposure, 1/12."""
+    places = np.arange(count) - (count - 1) / 2
+    return places * np.sqrt(1 / 12 / np.mean(places**2))
+
+
 def point_residual(fine, path, row, column, value, count, light, gamma):
     """Eq. 1 and 6 for one point: live display value minus the predicted one; None outside."""
     grid = path.grid
     mean = 0.0
     for k in range(count):
-        time = path.row_times[row] + ((k + 0.5) / count - 0.5) * path.exposure_rows
+        time = path.row_times[row] + instants(count)[k] * path.exposure_rows
         q = path_coordinates(path.control, path.first_time, path.knot_rows, time)
         h = homography(q, grid.focal_px, grid.half_width)
         u, v = warped_place(h, column, row, grid.center)
@@ -112,13 +118,14 @@ def point_residual(fine, path, row, column, value, count, light, gamma):
     return value - display(gain * mean + light[4], gamma)
 
 
-def strongest_gradients(image, rows, width, bins):
+def strongest_gradients(image, rows, bins):
     """Column of the strongest gradient in each bin of each row."""
     out = np.zeros((len(rows), bins), int)
     for r, y in enumerate(rows):
         for b in range(bins):
             best = -1.0
-            for x in range(max(1, b * width), min(image.shape[1] - 1, (b + 1) * width)):
+            begin, end = (n * image.shape[1] // bins for n in (b, b + 1))
+            for x in range(max(1, begin), min(image.shape[1] - 1, end)):
                 above, below = max(y - 1, 0), min(y + 1, image.shape[0] - 1)
                 strength = abs(image[y, x + 1] - image[y, x - 1]) + abs(
                     image[below, x] - image[above, x]

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from ._kernels.fit import correct, linearise
-from ._kernels.fit_row import BIAS_SCALE, EXTRA
+from ._kernels.fit_row import BIAS_SCALE, EXTRA, SPARE
 from .config import Config
 from .motion import Grid
 from .path_fit import PathFit
@@ -23,7 +23,7 @@ from .priors import Priors
 from .sampling import defocused
 
 CHUNKS = 8  # blocks of rows, summed in this order whatever the number of threads
-POINT_STEP = 1.5  # px of the level between instants of the exposure
+POINT_STEP = 1.0  # px of the level between instants of the exposure
 NO_RESIDUAL = 1e8  # residuals above this mark points without reference
 MIN_SIGMA = 1.0  # grey levels; no camera is quieter
 RELINEARISE = 0.25  # px of the level the rows may move, rms, before Jacobians are worked out anew
@@ -152,7 +152,9 @@ class _Linearised:
         self.size = len(path.control) * level_fit._dof + EXTRA
         rows, count = points.columns.shape
         longest = int(MOST_CHANGE * path.exposure_rows / path.knot_rows) + 6
-        self._jacobians = np.empty((rows, longest * level_fit._dof + EXTRA + 3, count), np.float32)
+        self._jacobians = np.empty(
+            (rows, longest * level_fit._dof + EXTRA + SPARE, count), np.float32
+        )
         self._knots_of = np.empty((rows, 2), np.int64)
         self._edges = np.empty((rows, count), np.float32)
         self.residuals = np.empty((rows, count), np.float32)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -307,6 +307,91 @@ def test_stream_may_change_its_size(texture):
     assert [result.status for result in (first, second)] == ['registered'] * 2
     np.testing.assert_allclose(np.median(second.row_motion[:, 0]), -10.0, atol=0.2)
     np.testing.assert_allclose(np.median(second.row_motion[:, 1]), 0.0, atol=0.2)
+
+
+def stream(texture, frames, exposure=30.0, still=None, **options):
+    """Live frames of a drone that hovers; `still` frames show nothing known."""
+    scene = Scene(texture, margin=40)
+    grid = Grid(SHAPE, scene.shape, CAMERA.focal_px)
+    hover = Hover(14.0, 6.0, exposure, line_delay=6e-5, phase=0.7)
+    rng = np.random.default_rng(43)
+    yield reference_image(scene, REAL, rng)
+    for n in range(frames):
+        start = 0.3 * n
+        live, truth = live_frame(
+            scene, (), grid, lambda rows, t=start: hover.poses(t, rows),
+            ShutterTiming(exposure), REAL, rng,
+        )  # fmt: skip
+        yield Case(None, live, truth, grid)
+
+
+def test_stream_holds_its_exposure_and_finds_each_frame_from_the_last(texture):
+    frames = stream(texture, 13)
+    detector = Detector(next(frames), CAMERA)
+    results = [(frame, detector.detect(frame.live)) for frame in frames]
+    assert all(np.median(row_errors(frame, result)) < 0.06 for frame, result in results)
+    held = [result.exposure_rows for _, result in results[10:]]
+    assert np.ptp(held) < 0.2  # no longer looked for in each frame, but corrected by all
+    np.testing.assert_allclose(held, 30.0, rtol=0.01)
+
+
+def test_frame_after_a_gap_is_found_again(texture, texture_of):
+    """A jump of the camera and a frame of something else: the next frame starts from nothing."""
+    frames = stream(texture, 3)
+    detector = Detector(next(frames), CAMERA)
+    first, second, third = frames
+    assert detector.detect(first.live).status == 'registered'
+    assert detector.detect(texture_of(*SHAPE, 77)).status == 'not_registered'
+    assert np.median(row_errors(second, detector.detect(second.live))) < 0.06
+    jumped = np.roll(third.live, (45, -60), axis=(0, 1))[50:-10, 10:-70]
+    Detector(detector.reference, CAMERA).detect(jumped)
+    assert np.median(row_errors(third, detector.detect(third.live))) < 0.06
+
+
+def test_exposure_that_is_changed_in_flight_is_noticed(texture):
+    frames = stream(texture, 12)
+    detector = Detector(next(frames), CAMERA)
+    for frame in frames:
+        detector.detect(frame.live)
+    longer = stream(texture, 3, exposure=60.0)
+    next(longer)
+    found = [detector.detect(frame.live).exposure_rows for frame in longer]
+    np.testing.assert_allclose(found[-1], 60.0, rtol=0.05)
+
+
+def test_without_memory_each_frame_stands_alone(texture):
+    frames = stream(texture, 3)
+    reference = next(frames)
+    alone = Config.from_mapping({'stream.hold': False})
+    detector = Detector(reference, CAMERA, alone)
+    for frame in frames:
+        result = detector.detect(frame.live)
+        expected = Detector(reference, CAMERA, alone).detect(frame.live)
+        np.testing.assert_array_equal(result.row_motion, expected.row_motion)
+        np.testing.assert_array_equal(result.residual, expected.residual)
+
+
+def test_equal_streams_give_equal_results(texture):
+    reference, *frames = stream(texture, 4)
+    one, other = Detector(reference, CAMERA), Detector(reference, CAMERA)
+    for frame in frames:
+        np.testing.assert_array_equal(
+            one.detect(frame.live).residual, other.detect(frame.live).residual
+        )
+
+
+@pytest.mark.parametrize('defocus', [0.0, 0.5, 0.9])
+def test_defocus_is_not_taken_for_exposure(texture, defocus):
+    """A sharp frame through a soft lens: no exposure may be made up for it."""
+    soft = replace(REAL, defocus_px=defocus)
+    found = case(texture, blur=0.5, exposure=10.0, nuisances=soft)
+    detector = Detector(found.reference, CAMERA)
+    result = detector.detect(found.live)
+    assert np.median(row_errors(found, result)) < 0.06
+    blur = 0.05 * result.exposure_rows  # px
+    assert blur < 1.2
+    # what the simulator's interpolation blurs, some 0.2 px^2, looks like defocus too
+    np.testing.assert_allclose(result.views.fit.defocus, defocus**2 + 0.2, atol=0.2)
 
 
 def test_results_do_not_depend_on_where_arrays_lie(texture):

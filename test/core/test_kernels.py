@@ -8,10 +8,10 @@ import naive
 import numpy as np
 import pytest
 
-from rsmb_ros.core._kernels import fit, geometry, render, synthesis
+from rsmb_ros.core._kernels import fit, fit_row, geometry, render, synthesis
 from rsmb_ros.core.motion import homographies
 from rsmb_ros.core.render import blurred
-from rsmb_ros.core.sampling import half_pixel
+from rsmb_ros.core.sampling import HALF_PIXELS, half_pixel, softened
 
 pytestmark = pytest.mark.oracle
 LIGHT = np.array([1.1, 0.03, -0.02, -0.08, 1.5])
@@ -66,8 +66,8 @@ def test_strongest_gradients_are_found(texture_of):
     rows = np.arange(0, 30, 4)
     columns = np.zeros((len(rows), 8), np.int64)
     values = np.zeros((len(rows), 8), np.float32)
-    fit.strongest_gradients(image, rows, 7, columns, values)
-    expected = naive.strongest_gradients(image, rows, 7, 8)
+    fit_row.strongest_gradients(image, rows, columns, values)
+    expected = naive.strongest_gradients(image, rows, 8)
     np.testing.assert_array_equal(columns, expected)
     np.testing.assert_array_equal(values, image[rows[:, None], expected])
 
@@ -78,29 +78,48 @@ class _Points:
     def __init__(self, path, texture_of, dof):
         self.path, self.dof = path, dof
         self.fine = half_pixel(texture_of(44, 52, 5).astype(np.float32))
+        self.softer = softened(self.fine, HALF_PIXELS)
         rng = np.random.default_rng(6)
         self.rows = np.array([7, 19, 20, 31])
         self.columns = np.sort(rng.integers(6, 42, (4, 5)), axis=1)
         self.values = rng.uniform(80, 170, (4, 5)).astype(np.float32)
         self.count = 5
 
-    def accumulate(self, light=LIGHT, sigma=50.0, tukey=False):
-        size = len(self.path.control) * self.dof + fit.EXTRA
+    def linearise(self, light=LIGHT, sigma=50.0, tukey=False, misplaced=0.0, softened=0.0):
+        """Normal matrix, gradient, residuals; keeps what `corrected` needs."""
+        size = len(self.path.control) * self.dof + fit_row.EXTRA
         normal, gradient = np.zeros((size, size)), np.zeros(size)
         residuals = np.zeros(self.values.shape, np.float32)
-        samples = np.full(4, self.count)
-        times = self.path.row_times[self.rows]
-        fit.accumulate(
-            0, 4, self.fine.ravel(), *self.fine.shape, self.rows, times, samples, self.columns,
-            self.values, self.path.control, self.path.first_time, self.path.knot_rows,
-            self.path.exposure_rows, self.path.grid.focal_px, self.path.grid.center, 1.0, self.dof,
-            light, GAMMA, sigma, 0.0, tukey, normal, gradient, residuals,
-        )  # fmt: skip
+        self.kept = (
+            np.zeros((4, size + fit_row.SPARE, self.values.shape[1]), np.float32),
+            np.zeros((4, 2), np.int64),
+            np.zeros(self.values.shape, np.float32),
+        )
+        data = self.data(light, sigma, misplaced, tukey, softened)
+        fit.linearise(0, 4, *data, normal, gradient, residuals, *self.kept)
         return normal, gradient, residuals
 
-    def literal_residuals(self, light=LIGHT):
+    def corrected(self, light=LIGHT, sigma=50.0, tukey=False, misplaced=0.0, softened=0.0):
+        """Gradient and residuals on the Jacobians of the last `linearise`."""
+        gradient = np.zeros(len(self.path.control) * self.dof + fit_row.EXTRA)
+        residuals = np.zeros(self.values.shape, np.float32)
+        data = self.data(light, sigma, misplaced, tukey, softened)
+        fit.correct(0, 4, *data, gradient, residuals, *self.kept)
+        return gradient, residuals
+
+    def data(self, light, sigma, misplaced, tukey, softened):
+        return (
+            self.fine.ravel(), self.softer.ravel(), *self.fine.shape, self.rows,
+            self.path.row_times[self.rows], np.full(4, self.count), self.columns,
+            self.values, self.path.control, self.path.first_time, self.path.knot_rows,
+            self.path.exposure_rows, softened, self.path.grid.focal_px, self.path.grid.center,
+            1.0, self.dof, light, GAMMA, sigma, misplaced, tukey,
+        )  # fmt: skip
+
+    def literal_residuals(self, light=LIGHT, softened=0.0):
+        fine = self.fine + softened * self.softer
         found = [
-            naive.point_residual(self.fine, self.path, row, column, value, self.count, light, GAMMA)
+            naive.point_residual(fine, self.path, row, column, value, self.count, light, GAMMA)
             for row, columns, values in zip(self.rows, self.columns, self.values, strict=True)
             for column, value in zip(columns, values, strict=True)
         ]
@@ -109,7 +128,7 @@ class _Points:
 
 def test_residuals_of_the_fit_are_those_of_the_image_model(bent_path, texture_of):
     points = _Points(bent_path, texture_of, 6)
-    _, _, residuals = points.accumulate()
+    _, _, residuals = points.linearise()
     np.testing.assert_allclose(residuals, points.literal_residuals(), rtol=1e-4, atol=5e-3)
 
 
@@ -118,18 +137,18 @@ def test_gradient_of_the_fit_is_the_slope_of_its_cost(bent_path, texture_of, dof
     """With equal weights J^T r is minus half the slope of sum r^2, unknown by unknown."""
     points = _Points(bent_path, texture_of, dof)
     # a smooth reference and a huge sigma: every weight is 1, every slope well defined
-    _, gradient, residuals = points.accumulate(sigma=1e6)
+    _, gradient, residuals = points.linearise(sigma=1e6)
     assert np.all(residuals < 1e8)
     step = 1e-3
 
-    def cost(change_control=None, light=LIGHT, exposure=0.0):
+    def cost(change_control=None, light=LIGHT, exposure=0.0, defocus=0.0):
         moved = bent_path.control.copy()
         if change_control is not None:
             moved[change_control] += step
         points.path = replace(
             bent_path, control=moved, exposure_rows=bent_path.exposure_rows + exposure
         )
-        return (points.literal_residuals(light) ** 2).sum()
+        return (points.literal_residuals(light, defocus) ** 2).sum()
 
     base = cost()
     extra = len(bent_path.control) * dof
@@ -139,20 +158,45 @@ def test_gradient_of_the_fit_is_the_slope_of_its_cost(bent_path, texture_of, dof
         light[n] += step * (10.0 if n == 4 else 1.0)
         checks.append((extra + n, cost(light=light)))
     checks.append((extra + 5, cost(exposure=step)))
+    checks.append((extra + 6, cost(defocus=step)))
     slopes = np.array([-(moved - base) / (2 * step) for _, moved in checks])
     found = gradient[[index for index, _ in checks]]
     # tilts and turns use the derivative at a small angle: a few per cent of the largest slope
     np.testing.assert_allclose(found, slopes, atol=0.06 * np.abs(slopes).max(), rtol=0.06)
 
 
+def test_correction_is_what_linearising_again_would_say(bent_path, texture_of):
+    """Same place, same residuals and gradient; elsewhere new residuals on the old Jacobians."""
+    points = _Points(bent_path, texture_of, 4)
+    points.values[0, 2] = -1.0  # switched off
+    options = {'sigma': 5.0, 'misplaced': 0.3, 'softened': 0.4}
+    _, gradient, residuals = points.linearise(**options)
+    again, same = points.corrected(**options)
+    np.testing.assert_allclose(same, residuals, rtol=1e-5, atol=2e-3)
+    np.testing.assert_allclose(again, gradient, rtol=1e-3, atol=1e-3 * np.abs(gradient).max())
+    points.path = replace(bent_path, control=bent_path.control + 0.2)
+    _, moved = points.corrected(**options)
+    expected = points.literal_residuals(softened=0.4)
+    expected[0, 2] = 1e9
+    np.testing.assert_allclose(moved, expected, rtol=1e-4, atol=5e-3)
+
+
+def test_defocus_is_part_of_the_residuals(bent_path, texture_of):
+    points = _Points(bent_path, texture_of, 6)
+    _, _, residuals = points.linearise(softened=0.7)
+    expected = points.literal_residuals(softened=0.7)
+    np.testing.assert_allclose(residuals, expected, rtol=1e-4, atol=5e-3)
+    assert np.abs(expected - points.literal_residuals()).max() > 0.1
+
+
 def test_normal_matrix_is_the_square_of_the_jacobian(bent_path, texture_of):
     """Recover J from the gradient's response to single residuals, then compare J^T J."""
     points = _Points(bent_path, texture_of, 4)
-    normal, gradient, residuals = points.accumulate(sigma=1e6)
+    normal, gradient, residuals = points.linearise(sigma=1e6)
     jacobian = []
     for r, p in np.ndindex(points.values.shape):
         points.values[r, p] += 1.0
-        jacobian.append(points.accumulate(sigma=1e6)[1] - gradient)
+        jacobian.append(points.linearise(sigma=1e6)[1] - gradient)
         points.values[r, p] -= 1.0
     jacobian = np.array(jacobian)
     expected = np.tril(jacobian.T @ jacobian)
@@ -165,7 +209,7 @@ def test_normal_matrix_is_the_square_of_the_jacobian(bent_path, texture_of):
 def test_tukey_gives_no_weight_beyond_five_sigma(bent_path, texture_of):
     points = _Points(bent_path, texture_of, 2)
     points.values[:] = 255.0  # far from anything
-    normal, gradient, _ = points.accumulate(sigma=1.0, tukey=True)
+    normal, gradient, _ = points.linearise(sigma=1.0, tukey=True)
     assert not normal.any()
     assert not gradient.any()
 
@@ -194,18 +238,11 @@ def test_bicubic_sample_is_keys_interpolation(texture_of):
 def test_strong_edges_count_no_more_than_their_place_allows(bent_path, texture_of):
     """Weight sigma^2 / (sigma^2 + (misplaced |gradient|)^2): a point says <= 1 / misplaced^2."""
     points = _Points(bent_path, texture_of, 2)
-    free, _, _ = points.accumulate(sigma=1.0)
+    free, _, _ = points.linearise(sigma=1.0)
     points_capped = _Points(bent_path, texture_of, 2)
-    size = len(bent_path.control) * 2 + fit.EXTRA
-    normal, gradient = np.zeros((size, size)), np.zeros(size)
-    fit.accumulate(
-        0, 4, points_capped.fine.ravel(), *points_capped.fine.shape, points_capped.rows,
-        bent_path.row_times[points_capped.rows], np.full(4, 5), points_capped.columns,
-        points_capped.values, bent_path.control, bent_path.first_time, bent_path.knot_rows,
-        bent_path.exposure_rows, bent_path.grid.focal_px, bent_path.grid.center, 1.0, 2, LIGHT,
-        GAMMA, 1.0, 0.5, False, normal, gradient, np.zeros((4, 5), np.float32),
-    )  # fmt: skip
-    translation = np.trace(normal[: size - fit.EXTRA, : size - fit.EXTRA])
-    assert translation < np.trace(free[: size - fit.EXTRA, : size - fit.EXTRA])
+    normal, _, _ = points_capped.linearise(sigma=1.0, misplaced=0.5)
+    size = len(bent_path.control) * 2
+    translation = np.trace(normal[:size, :size])
+    assert translation < np.trace(free[:size, :size])
     # 20 points, information at most 1 / 0.5^2 each (B-spline weights sum to 1)
     assert translation <= 20 / 0.5**2

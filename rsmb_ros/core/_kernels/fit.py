@@ -16,7 +16,7 @@ from .fit_row import (
     read_row,
     weigh_row,
 )
-from .geometry import OPTIONS, basis, basis_slope, homography, span
+from .geometry import OPTIONS, basis, basis_slope, homography, instant_offset, span
 
 
 @njit(inline='always', **OPTIONS)
@@ -100,7 +100,7 @@ def linearise(
             stretch[p] = 0.0
             inside[p] = 1.0 if values[r, p] >= 0.0 else 0.0  # switched off: must not pull at all
         for k in range(count):
-            offset = (k + 0.5) / count - 0.5
+            offset = instant_offset(k, count)
             j, fraction = instant(
                 times[r] + offset * exposure, control, first_time, knot_rows, b, q
             )
@@ -192,7 +192,7 @@ def correct(
             mean[p] = 0.0
             inside[p] = 1.0 if values[r, p] >= 0.0 else 0.0
         for k in range(count):
-            offset = (k + 0.5) / count - 0.5
+            offset = instant_offset(k, count)
             instant(times[r] + offset * exposure, control, first_time, knot_rows, b, q)
             homography(q, focal, half_width, 1.0, h)
             place_row(

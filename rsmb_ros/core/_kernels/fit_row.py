@@ -10,6 +10,7 @@ from numba import njit
 from .geometry import OPTIONS
 
 EXTRA = 7  # unknowns after the control points: four gain coefficients, bias, exposure, defocus
+SPARE = 3  # further rows of a Jacobian that are read, never used: sums are made four at a time
 BIAS_SCALE = np.float32(10.0)  # grey levels per unit of the bias unknown
 
 

@@ -38,6 +38,17 @@ def span(time, first_time, knot_rows, knots):
     return j, s - j
 
 
+@njit(inline='always', **OPTIONS)
+def instant_offset(k, count):
+    """
+    Return where instant `k` of `count` >= 2 lies in an exposure, -0.5..0.5.
+
+    Instants in the middles of equal parts, spread so that their variance is the exposure's: a mean
+    over few of them then blurs as far as the integral does (two are those of Gauss-Legendre).
+    """
+    return ((k + 0.5) / count - 0.5) * count / math.sqrt(count * count - 1.0)
+
+
 @njit(**OPTIONS)
 def rotation(r_x, r_y, r_z, out):
     """Write R = exp([r]_x) [rad] as nine numbers, row by row (Rodrigues)."""

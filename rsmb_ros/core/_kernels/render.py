@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from .geometry import OPTIONS, basis, homography, span
+from .geometry import OPTIONS, basis, homography, instant_offset, span
 
 BENT = 0.003  # px, largest error of places along a piece of a row
 
@@ -103,7 +103,7 @@ def blur_rows(
         y = i - center[1]
         for k in range(count):
             pose_at(
-                times[i] + ((k + 0.5) / count - 0.5) * exposure, control, first_time, knot_rows, q
+                times[i] + instant_offset(k, count) * exposure, control, first_time, knot_rows, q
             )
             homography(q, focal, half_width, inverse_depth, h)
             a0 = 2.0 * (h[1] * y + h[2])
