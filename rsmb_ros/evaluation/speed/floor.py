@@ -21,13 +21,13 @@ from rsmb_ros.core.render import STEP_PX
 from .machine import Rates
 
 PASSES = 3  # linearisations of each image size: a start that is off needs no fewer
-# Operations of a point at an instant: its place in the reference 24, bilinear value and gradient
-# 18, means 6, the six columns of the motion 13; then what each degree of freedom takes for four
-# control points and for the exposure.
-SAMPLE = 61
+# Operations of a point at an instant: place in the reference 23, bilinear value and gradient 15,
+# means 6, the six columns of the motion 10; and what each degree of freedom takes for the four
+# control points it is spread over and for the exposure.
+SAMPLE = 54
 SAMPLE_PER_DOF = 10
-POINT = 60  # of a point: tone curve and its slope, gain, robust weight
-RENDER_SAMPLE = 16  # of a pixel at an instant: bilinear value, its share, the next place
+POINT = 60  # of a point: tone curve and its slope, gain, robust weight; a power counts 15
+RENDER_SAMPLE = 15  # of a pixel at an instant: next place, bilinear value, its share
 RENDER_PIXEL = 30  # of a pixel: gain, tone curve, residual
 LINE = 64  # bytes that memory hands out at once
 VALUE = 4  # bytes of a float32
@@ -115,8 +115,8 @@ def linearisation(
 
     """
     sampled = points * float(np.sum(samples)) * (SAMPLE + SAMPLE_PER_DOF * dof)
-    # weighted column 1, gradient 2, half of the symmetric products 2 (n + 1) / 2: per unknown
-    summed = points * len(samples) * (POINT + unknowns * (3.0 + unknowns + 1.0))
+    # an unknown: light 1, weight 1, gradient 2, its half of the symmetric products n + 1
+    summed = points * len(samples) * (POINT + unknowns * (unknowns + 5.0))
     rows_of_cells = min(fine_bytes, 2.0 * LINE * points * len(samples))
     held = 4.0 * VALUE * points * len(samples)  # column (two), value, residual
     return Work(sampled + summed, rows_of_cells + held)
