@@ -21,9 +21,7 @@ RATE = 5.0  # frames per second [Hz]
 _SEED = 20170301
 
 
-def timed_flight(
-    scene: str, number: int, shape: tuple[int, int], frames: int
-) -> SyntheticFlight:
+def timed_flight(scene: str, number: int, shape: tuple[int, int], frames: int) -> SyntheticFlight:
     """
     Return a flight over a drawn scene, all usual nuisances drawn as in the suites.
 

@@ -64,9 +64,7 @@ def total_table(frames: Sequence[FrameTimes]) -> Table:
     return Table('End to end: changes, static objects and all', head, rows)
 
 
-def floor_table(
-    frames: Sequence[FrameTimes], memory: Sequence[Memory], rates: Rates
-) -> Table:
+def floor_table(frames: Sequence[FrameTimes], memory: Sequence[Memory], rates: Rates) -> Table:
     """What the floor is counted from, and what a size takes besides time."""
     peaks = {one.shape: one for one in memory}
     rows = []

@@ -92,7 +92,9 @@ def warm_ratio(frames: Iterable[StreamFrame]) -> Spread:
 
 def worst_exposure(frames: Iterable[StreamFrame]) -> float:
     """Return the largest relative error of the exposure once it is learned, NaN without any."""
-    return max((one.exposure_error for one in learned(frames) if one.stream.registered), default=NAN)
+    return max(
+        (one.exposure_error for one in learned(frames) if one.stream.registered), default=NAN
+    )
 
 
 def share_within(frames: Iterable[StreamFrame], limit: float) -> float:

@@ -12,11 +12,12 @@ from rsmb_ros.core import REGISTERED, Config, Detector, Result
 from rsmb_ros.core.frame import RegisteredFrame
 from rsmb_ros.core.photometric import luma
 
-from ..metrics import NAN
 from ..methods import NotRegistered
+from ..metrics import NAN
 from ..rivals.ecc import EccRegistrar
-from .floor import FrameFloor, frame_floor
+from ..summary import median
 from .flights import timed_flight
+from .floor import FrameFloor, frame_floor
 
 HOLD = 'stream.hold'  # switch of the detector's memory, in versions that have one
 TAUGHT = 3  # frames at the start of a flight that are not timed: a stream is warm after them
@@ -119,16 +120,16 @@ def times_of_flight(
 
 def _taught(detectors: Mapping[str, Detector], live: np.ndarray, index: int) -> float:
     """Show a frame to those that learn from it; the first to all, so that they are prepared."""
-    prepare_ms = NAN
-    for name, detector in detectors.items():
-        if index == 0:
-            first, again = (time_ours(detector, live)[0].total_ms for _ in range(2))
-            if name == COLD:
-                detector.detect(live).registered  # noqa: B018 - prepares the colours
-                prepare_ms = first - again
-        elif name == WARM:
-            detector.detect(live)
-    return prepare_ms
+    if index > 0:
+        if WARM in detectors:
+            detectors[WARM].detect(live)
+        return NAN
+    spent = []
+    for detector in detectors.values():
+        first, again = (time_ours(detector, live)[0].total_ms for _ in range(2))
+        spent.append(first - again)
+    detectors[COLD].detect(live).registered  # noqa: B018 - prepares the colours
+    return median(spent)
 
 
 def _timed(
