@@ -41,8 +41,8 @@ NOTES = (
     'ECC (findTransformECC as in RESULTS.md: homography, started by phase correlation, at most 100 '
     'iterations) and ours register the same frame one right after the other, in turns, both with '
     'the reference prepared and from the uint8 frame to the warped or rendered grey reference. '
-    'Registration is all of the frame but the steps change, layers, refine, layers again and '
-    'other way. Lost frames count with their time.',
+    'Registration is all steps of a frame but change, layers, refine, layers again and other way. '
+    'End to end is everything, beside ECC that registers only. Lost frames count with their time.',
     'Floor: operations and bytes of fit (three linearisations of each image size) and rendering '
     'for the motion that was found, at the peak of a matrix product and of a copy measured in the '
     'same run on as many threads. No kernel that gathers pixels reaches that peak.',
