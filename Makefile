@@ -13,13 +13,14 @@ REAL := $(if $(wildcard $(DATA)/aerial),photos video --data $(DATA))
 export AMENT_PREFIX_PATH := $(CURDIR)/.venv
 unexport PYTHONPATH LD_LIBRARY_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help demo test lint bench clean
+.PHONY: help demo test lint bench bench-speed clean
 
 help:
 	@echo 'make demo    play the bag to the real node; report in $(OUT)/demo.html'
 	@echo 'make test    all tests, then the oracle tests without the JIT'
 	@echo 'make lint    ruff and mypy'
-	@echo 'make bench   all suites with all rivals (half an hour); benchmarks/RESULTS.md'
+	@echo 'make bench   all suites with all rivals (half an hour), then bench-speed'
+	@echo 'make bench-speed  time beside ECC, over sizes, in a stream (half an hour)'
 	@echo 'make clean   remove .venv and everything built'
 	@echo 'PYTHON=python3.12 make ... chooses the interpreter of a new .venv'
 
@@ -39,6 +40,11 @@ bench: .venv/installed
 	@mkdir -p $(OUT)
 	$(BIN)/rsmb evaluate $(SUITES) $(REAL) --markdown benchmarks/RESULTS.md \
 		--report $(OUT)/bench.html --sheets $(OUT)/bench
+	@$(MAKE) --no-print-directory bench-speed
+
+# Alone on the machine: a second process in the caches changes what is measured.
+bench-speed: .venv/installed
+	$(BIN)/rsmb speed --markdown benchmarks/SPEED.md
 
 # Editable, so that tests and demo run the checkout, its data files included. pip then leaves the
 # ament index alone, so the package is registered by links, also to the checkout.

@@ -16,6 +16,7 @@ VERBS = {
     'demo': 'play a bag to the real node over ROS and score what it finds',
     'synth': 'make synthetic scenes with truth',
     'evaluate': 'measure accuracy and time against truth, rivals beside ours',
+    'speed': 'measure time beside a rival and the floor, over sizes and in a stream',
 }
 
 DONE, BAD_DATA, BAD_USAGE, INTERRUPTED = 0, 1, 2, 130

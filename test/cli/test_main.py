@@ -30,7 +30,8 @@ def test_help_names_every_verb(rsmb):
 def test_every_verb_has_help(rsmb, verb):
     done = rsmb(verb, '--help')
     assert done.code == 0
-    assert ('--report' if verb == 'evaluate' else '--output') in done.out
+    output = {'evaluate': '--report', 'speed': '--markdown'}.get(verb, '--output')
+    assert output in done.out
 
 
 @pytest.mark.parametrize('arguments', [(), ('fly',), ('detect',), ('replay', 'a.mcap')])
