@@ -133,7 +133,7 @@ class StreamConfig:
     """What the frames of a stream teach about the next one."""
 
     hold: bool = _switch(
-        True, 'start from the last frame, hold its exposure; false = each frame alone'
+        False, 'start from the last frame, hold its exposure: faster; false = each frame alone'
     )
 
 

@@ -53,9 +53,8 @@ class Detector:
 
     Notes
     -----
-    Frames are taken for a stream: what one teaches about the camera helps the next one. Equal
-    sequences of frames give equal results; `config.stream.hold = False` makes every frame's result
-    independent of the others.
+    Every frame stands alone, unless `config.stream.hold`: then frames are taken for a stream, and
+    what one teaches about the camera helps the next. Equal sequences still give equal results.
 
     Raises
     ------

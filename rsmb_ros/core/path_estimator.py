@@ -7,6 +7,7 @@ the control points of the path, the light, the defocus, and the exposure when it
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -41,8 +42,7 @@ class PathEstimator:
         self._grid = grid
         self._config = config
         self._executor = executor
-        narrower = min(grid.live_shape[1], grid.reference_shape[1])
-        count = max(1, 1 + round(np.log2(max(1.0, narrower / COARSEST_WIDTH))))
+        count = level_count(grid)
         self._levels = [Level(reference.fine, reference.softer, 0)]
         smaller = zip(pyramid(reference.linear, count), pyramid(reference.soft, count), strict=True)
         for n, (image, softer) in list(enumerate(smaller))[1:]:
@@ -138,6 +138,12 @@ class PathEstimator:
     ) -> PathFit:
         level = LevelFit(self._levels[n], points, self._grid, self._config, self._executor)
         return level.run(fit, free_exposure, most)
+
+
+def level_count(grid: Grid) -> int:
+    """Return at how many sizes of the images a path is fitted."""
+    narrower = min(grid.live_shape[1], grid.reference_shape[1])
+    return max(1, 1 + round(math.log2(max(1.0, narrower / COARSEST_WIDTH))))
 
 
 def _longest(exposure: float) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 
 # Half-pixel interpolation, 8 taps; what lies between the half pixels is sampled bilinearly.
 HALF_PIXEL_TAPS = np.array([-0.0105, 0.0465, -0.1525, 0.6165], np.float32)
+SOFT_SIGMA = 0.7  # px, of the small blur that defocus is made of
 HALF_PIXELS = 0.5  # px between two samples of `half_pixel`
 _KERNEL = np.concatenate([HALF_PIXEL_TAPS, HALF_PIXEL_TAPS[::-1]]) / (2 * HALF_PIXEL_TAPS.sum())
 
@@ -37,7 +38,8 @@ def softened(image: np.ndarray, pixel: float) -> np.ndarray:
     Small blurs add up like their variances, so `image + variance * softened` is a lens that
     blurs by `variance`; see `defocused`.
     """
-    return cv2.GaussianBlur(image, (0, 0), 1.0 / pixel) - image
+    blurred = cv2.GaussianBlur(image, (0, 0), SOFT_SIGMA / pixel)
+    return (blurred - image) * np.float32(1.0 / SOFT_SIGMA**2)
 
 
 def defocused(image: np.ndarray, softer: np.ndarray, variance: float) -> np.ndarray:

@@ -11,8 +11,8 @@ from .path_fit import PathFit
 CALIBRATION = 10  # frames, after which the exposure is held
 REMEMBERED = 30  # frames whose exposures are weighed; a camera's settings may change in flight
 LEAST_ERROR = 0.01  # relative; no frame's exposure is trusted further than this
-CHANGED = 0.25  # relative; a frame's own exposure this far off and ...
-BETTER = 0.9  # ... its cost below this share of the held one's: the settings have changed
+CHANGED = 0.1  # relative; a frame's own exposure this far off, and ...
+CERTAIN = 4.0  # ... so many standard deviations: the camera's settings have changed
 WORSE = 1.3  # cost over the usual one, above which a held frame is tried from nothing
 
 
@@ -47,16 +47,22 @@ class StreamMemory:
 
     def plausible(self, fit: PathFit) -> bool:
         """Whether a fit that started from this memory is as good as fits usually were."""
-        return not self._costs or fit.cost <= WORSE * float(np.median(self._costs))
+        usual = float(np.median(self._costs)) if self._costs else np.inf
+        return fit.cost <= WORSE * usual and not self._changed(fit)
+
+    def _changed(self, fit: PathFit) -> bool:
+        """Whether a frame's own exposure contradicts the held one."""
+        held = self.exposure_rows
+        if held is None or not self.calibrated:
+            return False
+        off = abs(fit.own_exposure - held)
+        return off > max(CHANGED * held, CERTAIN * fit.own_exposure_sigma)
 
     def learn(self, first: PathFit, fit: PathFit) -> None:
         """Remember a registered frame: its `first` fit, and that without what is no ground."""
-        held = self.exposure_rows
-        if held is not None and not fit.exposure_held:
-            off = abs(fit.own_exposure / held - 1.0) > CHANGED
-            if off and self.calibrated and first.cost < BETTER * float(np.median(self._costs)):
-                self._exposures.clear()
-                self._costs.clear()
+        if self._changed(fit):
+            self._exposures.clear()
+            self._costs.clear()
         error = max(LEAST_ERROR * fit.own_exposure, fit.own_exposure_sigma)
         if np.isfinite(error) and error > 0:
             self._exposures.append((fit.own_exposure, 1.0 / error**2))

@@ -8,13 +8,13 @@ once per instant for every pixel. Nothing else is counted: no coarse start, no p
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from rsmb_ros.core.level_fit import EXTRA, POINT_STEP
 from rsmb_ros.core.motion import CameraPath
-from rsmb_ros.core.path_estimator import COARSEST_WIDTH, EXTRA, POINT_STEP
+from rsmb_ros.core.path_estimator import level_count
 from rsmb_ros.core.points import select_points
 from rsmb_ros.core.render import STEP_PX
 
@@ -81,7 +81,7 @@ def frame_floor(path: CameraPath, dof: int) -> FrameFloor:
     """
     points, first_samples, fit = 0, 0.0, Work(0.0, 0.0)
     unknowns = (path.exposure_rows / path.knot_rows + 4.0) * dof + EXTRA
-    for n in range(_levels(path)):
+    for n in range(level_count(path.grid)):
         factor = 2.0**n
         found = select_points(np.zeros([side // 2**n for side in path.grid.live_shape], 'f4'), n)
         at = np.minimum(((found.rows + 0.5) * factor).astype(int), len(path.row_times) - 1)
@@ -129,12 +129,6 @@ def rendering(path: CameraPath) -> Work:
     flops = cols * (samples * RENDER_SAMPLE + rows * RENDER_PIXEL)
     # written: light, display value, residual, one byte of mask; read: the live frame
     return Work(flops, _fine_bytes(path) + rows * cols * (4.0 * VALUE + 1.0))
-
-
-def _levels(path: CameraPath) -> int:
-    """Return the number of image sizes the path is fitted at."""
-    smaller = min(path.grid.live_shape[1], path.grid.reference_shape[1])
-    return max(1, 1 + round(math.log2(max(1.0, smaller / COARSEST_WIDTH))))
 
 
 def _fine_bytes(path: CameraPath) -> float:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rsmb_ros.core.level_fit import EXTRA
 from rsmb_ros.core.motion import Grid, still_path
 from rsmb_ros.core.points import select_points
 from rsmb_ros.evaluation.speed.floor import (
@@ -81,7 +82,7 @@ def test_more_blur_costs_more_instants_and_not_more_unknowns():
     short, long = (frame_floor(path_of(blur=blur), 6) for blur in (4.0, 16.0))
     assert short.samples == pytest.approx(5, abs=1)  # one px between two instants, both ends
     assert long.samples == pytest.approx(17, abs=1)
-    assert long.unknowns == short.unknowns == (48 / 24 + 4) * 6 + 6
+    assert long.unknowns == short.unknowns == (48 / 24 + 4) * 6 + EXTRA
     assert 1.2 < long.fit.flops / short.fit.flops < 2  # the unknowns cost most
     assert long.render.flops / short.render.flops > 2.5
 
