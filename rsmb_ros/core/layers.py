@@ -72,15 +72,23 @@ class DepthSearch:
         """
         Return the layer that explains `blob`, None when it is a change.
 
-        `known` layers come from an earlier look at the same frame: near one of them only its
-        depth and a little around it is tried.
+        `known` layers come from an earlier look at the same frame: near one of them its depth
+        and a little around it is tried before all others.
         """
         window, mask = self._windowed(blob)
         near = [layer for layer in known if _touch(window, _padded(layer.blob, self.live.shape))]
         if near:
             depths = np.array([layer.relative_depth for layer in near])
-        else:
-            depths = np.arange(self.config.depth_min, self.config.depth_max + 1e-9, COARSE_STEP)
+            layer = self._explained_at(depths, blob, window, mask)
+            if layer is not None:
+                return layer
+        depths = np.arange(self.config.depth_min, self.config.depth_max + 1e-9, COARSE_STEP)
+        return self._explained_at(depths, blob, window, mask)
+
+    def _explained_at(
+        self, depths: np.ndarray, blob: Blob, window: Window, mask: np.ndarray
+    ) -> Layer | None:
+        """Return the layer that explains `blob` near one of these depths."""
         depth, energy = self._best_depth(window, mask, depths)
         if self._parallax(blob, depth) < MIN_PARALLAX:
             return None
