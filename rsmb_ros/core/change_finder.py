@@ -133,7 +133,7 @@ class ChangeFinder:
 
     def _evidence(self, frame: RegisteredFrame) -> Seen:
         noise = NoiseTable.learn(frame.predicted, frame.residual, frame.judged)
-        z = frame.residual / noise(frame.predicted)
+        z = frame.residual / (noise(frame.predicted) * frame.misfit)
         frame.judged &= ~misfitting_rows(z, frame.judged)[:, None]
         strength = evidence(np.where(frame.judged, z, np.float32(0.0)))
         return Seen(noise, strength, candidates(strength, self._config.change))

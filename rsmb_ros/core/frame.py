@@ -53,6 +53,7 @@ class RegisteredFrame(ABC):
         self._fronts: list[Front] = []
         self.predicted, self.complete = self.render(1.0, Window(0, grey.shape[0], 0, grey.shape[1]))
         self.residual = grey - self.predicted
+        self.misfit = np.ones(grey.shape, np.float32)
         edge = cv2.copyMakeBorder(self.complete.astype(np.uint8), *[1] * 4, cv2.BORDER_CONSTANT)
         inner = cv2.erode(edge, np.ones((BORDER, BORDER), np.uint8))[1:-1, 1:-1] > 0
         self.judged = inner & ~self._clipped()
@@ -143,6 +144,7 @@ class RegisteredFrame(ABC):
             own, complete = self.render(front.relative_depth, front.window, front.shift)
             inside = front.inside & complete
             self.predicted[front.window.box][inside] = own[inside]
+            self.misfit[front.window.box][inside] = front.misfit
             self.judged[front.window.box] &= ~front.edge
         self.residual = self.grey - self.predicted
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -34,6 +34,8 @@ MIN_SHARE = 0.13  # of the object that must be explained
 MIN_CORE = 4.2e-4  # of the frame: largest connected explained part (130 px at 640x480)
 MIN_CORRELATION = 0.6  # of prediction and live on the object ...
 SURE_SHARE = 0.5  # ... unless this share is explained
+ALIKE = 0.9  # correlation of an object that may fit less well than its surroundings ...
+MAX_MISFIT = 2.5  # ... by so much
 MAX_ENERGY_RATIO = 0.85  # of the energy at the background's depth
 MAX_SHIFT = 0.5  # of an object's parallax: tilt and translation are not told apart better
 SHIFT_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-3)
@@ -52,9 +54,14 @@ class Layer:
     """One static object at its depth."""
 
     blob: Blob  # the part of the live image it explains
+    sure: np.ndarray  # bool, shape of the blob's mask: not what it uncovers
     relative_depth: float  # d_l
     share: float  # of the object that the depth explains, 0..1
     shift: tuple[float, float] = NO_SHIFT  # x, y beyond what the depth does to it [px]
+    misfit: float = 1.0  # >= 1, its residuals over the frame's noise: rich texture fits less well
+
+
+_NOTHING = Blob(np.zeros((0, 0), bool), 0, 0)
 
 
 @dataclass(frozen=True)
@@ -108,14 +115,17 @@ class DepthSearch:
     ) -> tuple[Layer | None, float]:
         """Return the layer if the object may be taken for one, and the share explained."""
         z, predicted = self._normalised(depth, window, shift)
+        alike = _correlation(predicted[mask], self.live[window.box][mask])
+        misfit = _misfit(z[mask]) if alike > ALIKE else 1.0
+        z /= np.float32(misfit)
         explained = self._explained(z, mask)
         share = float(explained[mask].mean())
         enough = share > MIN_SHARE and _largest(explained) >= MIN_CORE * self.live.size
-        alike = share > SURE_SHARE or (
-            _correlation(predicted[mask], self.live[window.box][mask]) > MIN_CORRELATION
-        )
-        layer = self._layer(z, mask, window, depth, share, shift) if enough and alike else None
-        return layer, share
+        if not enough or (share <= SURE_SHARE and alike <= MIN_CORRELATION):
+            return None, share
+        return self._layer(
+            z, mask, window, Layer(_NOTHING, _NOTHING.mask, depth, share, shift, misfit)
+        ), share
 
     def _shift(
         self, depth: float, window: Window, mask: np.ndarray, limit: float
@@ -143,10 +153,11 @@ class DepthSearch:
         if not _touch(window, _padded(layer.blob, self.live.shape)):
             return None
         z, _ = self._normalised(layer.relative_depth, window, layer.shift)
+        z /= np.float32(layer.misfit)
         share = float(self._explained(z, mask)[mask].mean())
         if share <= SURE_SHARE:
             return None
-        return self._layer(z, mask, window, layer.relative_depth, share, layer.shift)
+        return self._layer(z, mask, window, replace(layer, share=share))
 
     def _windowed(self, blob: Blob) -> tuple[Window, np.ndarray]:
         """Return the window around a blob and the blob's mask in it."""
@@ -161,18 +172,24 @@ class DepthSearch:
         explained = ((evidence(z) < EXPLAINED) & mask).astype(np.uint8)
         return cv2.morphologyEx(explained, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
 
-    def _layer(
-        self,
-        z: np.ndarray,
-        mask: np.ndarray,
-        window: Window,
-        depth: float,
-        share: float,
-        shift: tuple[float, float],
-    ) -> Layer:
+    def _layer(self, z: np.ndarray, mask: np.ndarray, window: Window, like: Layer) -> Layer:
+        """Return a layer like another, of the part of a window's mask that it explains."""
         # what sticks out at the object's own depth may be a change on or beside it
         left_over = hysteresis(evidence(np.where(mask, z, np.float32(0.0))), self.change) > 0
-        return Layer(Blob(mask & ~left_over, window.left, window.top), depth, share, shift)
+        own = mask & ~left_over
+        # the object shows in the residual twice: where it is, and where it is expected without
+        # parallax. What has no counterpart there is ground that it uncovers, or may be
+        blob = Blob(mask, window.left, window.top)
+        x, y = self._displacement(blob, like.relative_depth)
+        counterpart = cv2.warpAffine(
+            mask.astype(np.float32),
+            np.array([[1.0, 0.0, x], [0.0, 1.0, y]]),
+            mask.shape[::-1],
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        )
+        return replace(
+            like, blob=Blob(own, window.left, window.top), sure=own & (counterpart > 0.5)
+        )
 
     def _best_depth(
         self, window: Window, mask: np.ndarray, depths: np.ndarray
@@ -202,13 +219,18 @@ class DepthSearch:
 
     def _parallax(self, blob: Blob, depth: float) -> float:
         """Pixels that `depth` moves the object's middle row against the background."""
+        return float(np.hypot(*self._displacement(blob, depth)))
+
+    def _displacement(self, blob: Blob, depth: float) -> tuple[float, float]:
+        """From where an object is to where it were at the background's depth: x, y [px]."""
         height, width = blob.mask.shape
         times = self.path.row_times[[blob.y + height // 2]]
         shift = self.path.coordinates(times)[0, :2]
         x = blob.x + width / 2 - self.path.grid.center[0]
         y = blob.y + height / 2 - self.path.grid.center[1]
         zoom = self.path.coordinates(times)[0, 3] / self.path.grid.half_width
-        return float(np.hypot(shift[0] + zoom * x, shift[1] + zoom * y) * abs(1 / depth - 1))
+        far = 1.0 / depth - 1.0
+        return float(far * (shift[0] + zoom * x)), float(far * (shift[1] + zoom * y))
 
 
 @dataclass(frozen=True)
@@ -217,6 +239,7 @@ class Front:
 
     relative_depth: float
     shift: tuple[float, float]  # [px]
+    misfit: float  # see `Layer`
     window: Window  # the two masks' part of the live frame
     inside: np.ndarray  # bool, surely covered during the whole exposure
     edge: np.ndarray  # bool, perhaps covered, or uncovered: cannot be judged
@@ -246,7 +269,8 @@ def _front(pieces: list[Layer], path: CameraPath, executor: Executor) -> Front:
     uncovered, _ = blurred(cover, path, executor, 1.0, window)
     inside = own > 1.0 - RIM / 2
     edge = ((own > RIM / 2) | (uncovered > RIM / 2)) & ~inside
-    return Front(depth, shift, window, inside, edge)
+    misfit = max(piece.misfit for piece in pieces)
+    return Front(depth, shift, misfit, window, inside, edge)
 
 
 def _gaps(path: CameraPath) -> int:
@@ -256,26 +280,34 @@ def _gaps(path: CameraPath) -> int:
 def _cover_in_reference(pieces: list[Layer], path: CameraPath) -> np.ndarray:
     """1 where a layer surely lies in the reference, 1/2 where it may (rows, cols) float32."""
     rows, cols = path.grid.reference_shape
-    cover = np.zeros((rows, cols), np.uint8)
+    cover = np.zeros((2, rows, cols), np.uint8)  # sure, perhaps
     for layer in pieces:
-        for u, v in _reference_places(layer, path):
-            inside = (u >= 0) & (v >= 0) & (u < cols) & (v < rows)
-            cover[v[inside], u[inside]] = 1
-    gaps = _gaps(path)
-    cover = cv2.copyMakeBorder(cover, *[gaps] * 4, cv2.BORDER_CONSTANT, value=0)
-    cover = cv2.morphologyEx(cover, cv2.MORPH_CLOSE, np.ones((gaps, gaps), np.uint8))
-    cover = cover[gaps:-gaps, gaps:-gaps]
+        for part, mask in zip(cover, (layer.sure, layer.blob.mask), strict=True):
+            for u, v in _reference_places(layer, mask, path):
+                inside = (u >= 0) & (v >= 0) & (u < cols) & (v < rows)
+                part[v[inside], u[inside]] = 1
     outline = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (EDGE, EDGE))
-    sure, perhaps = cv2.erode(cover, outline), cv2.dilate(cover, outline)
+    sure = cv2.erode(_without_gaps(cover[0], path), outline)
+    perhaps = cv2.dilate(_without_gaps(cover[1], path), outline)
     return (sure.astype(np.float32) + perhaps) / np.float32(2.0)
 
 
-def _reference_places(layer: Layer, path: CameraPath) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield reference columns and rows of the layer's pixels, one live row at a time."""
+def _without_gaps(cover: np.ndarray, path: CameraPath) -> np.ndarray:
+    """Close the gaps in an object's cover (rows, cols) uint8 0/1."""
+    gaps = _gaps(path)
+    cover = cv2.copyMakeBorder(cover, *[gaps] * 4, cv2.BORDER_CONSTANT, value=0)
+    cover = cv2.morphologyEx(cover, cv2.MORPH_CLOSE, np.ones((gaps, gaps), np.uint8))
+    return cover[gaps:-gaps, gaps:-gaps]
+
+
+def _reference_places(
+    layer: Layer, mask: np.ndarray, path: CameraPath
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield reference columns and rows of a part of the layer, one live row at a time."""
     center = path.grid.center
     homographies = path.row_homographies(layer.relative_depth)
-    for row in range(layer.blob.mask.shape[0]):
-        x = np.flatnonzero(layer.blob.mask[row]) + layer.blob.x
+    for row in range(mask.shape[0]):
+        x = np.flatnonzero(mask[row]) + layer.blob.x
         y = row + layer.blob.y
         if y >= len(homographies) or not len(x):
             continue
@@ -316,6 +348,11 @@ def _largest(mask: np.ndarray) -> int:
     """Area of the largest connected region of a mask [px]."""
     count, _, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     return int(stats[1:, cv2.CC_STAT_AREA].max()) if count > 1 else 0
+
+
+def _misfit(z: np.ndarray) -> float:
+    """How much larger normalised residuals are than noise, 1 to MAX_MISFIT."""
+    return float(np.clip(1.4826 * np.median(np.abs(z)), 1.0, MAX_MISFIT))
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:
