@@ -16,9 +16,10 @@ import numpy as np
 from .agreement import misfitting_rows
 from .clock import Clock
 from .config import Config
+from .depth_search import DepthSearch
 from .evidence import NoiseTable, evidence
 from .frame import PathStage, RegisteredFrame
-from .layers import DepthSearch, Layer
+from .layers import Layer
 from .motion import moved_px
 from .row_frame import RowStage
 from .segmentation import blobs, candidates

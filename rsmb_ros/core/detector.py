@@ -283,7 +283,7 @@ def _checked(image: np.ndarray, name: str) -> np.ndarray:
 
 
 def _static_region(layer: Layer) -> Region:
-    return _region(layer.blob, 'static', min(1.0, layer.share), layer.relative_depth)
+    return _region(layer.blob, 'static', min(1.0, layer.share), layer.place.relative_depth)
 
 
 def _region(blob: Blob, kind: str, score: float, depth: float | None) -> Region:

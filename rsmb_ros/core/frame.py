@@ -141,10 +141,10 @@ class RegisteredFrame(ABC):
         """Composite static objects over the background; their edges are no longer judged."""
         self._fronts = fronts(layers, self.path, self._executor)
         for front in self._fronts:
-            own, complete = self.render(front.relative_depth, front.window, front.shift)
+            own, complete = self.render(front.place.relative_depth, front.window, front.place.shift)
             inside = front.inside & complete
             self.predicted[front.window.box][inside] = own[inside]
-            self.misfit[front.window.box][inside] = front.misfit
+            self.misfit[front.window.box][inside] = front.place.misfit
             self.judged[front.window.box] &= ~front.edge
         self.residual = self.grey - self.predicted
 
@@ -237,7 +237,9 @@ class PathFrame(RegisteredFrame):
         """Linear light of one plane of the reference, layers in front (M, N) float32."""
         image, _ = self._blurred(fine)
         for front in self._fronts:
-            own, complete = self._blurred(fine, front.relative_depth, front.window, front.shift)
+            own, complete = self._blurred(
+                fine, front.place.relative_depth, front.window, front.place.shift
+            )
             inside = front.inside & complete
             image[front.window.box][inside] = own[inside]
         return image
