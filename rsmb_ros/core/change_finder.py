@@ -30,6 +30,7 @@ LARGE_MISFIT = 0.005
 REFITS = 3  # at most: where much of a frame is no ground, one is not enough
 LAST_LOOKS = 2  # at most, for static objects that only show when others are explained
 STILL = 0.25  # px; a fit that has moved no row further needs no other
+LOST = 1.0  # px, standard deviation of the place of a row that is not judged
 DOUBT = 0.15  # share of a row left unexplained, over DOUBT_ROWS rows: the path may be another's
 DOUBT_ROWS = 25  # at 480 rows
 
@@ -134,7 +135,9 @@ class ChangeFinder:
 
     def _evidence(self, frame: RegisteredFrame) -> Seen:
         noise = NoiseTable.learn(frame.predicted, frame.residual, frame.judged)
-        z = frame.residual / (noise(frame.predicted) * frame.misfit)
+        place = np.nan_to_num(frame.row_uncertainty, nan=0.0).astype(np.float32)
+        frame.judged &= (place < LOST)[:, None]
+        z = frame.residual / (noise(frame.predicted, place) * frame.misfit)
         frame.judged &= ~misfitting_rows(z, frame.judged)[:, None]
         strength = evidence(np.where(frame.judged, z, np.float32(0.0)))
         return Seen(noise, strength, candidates(strength, self._config.change))

@@ -35,6 +35,7 @@ ALIKE = 0.9  # correlation of an object that may fit less well than its surround
 MAX_MISFIT = 2.5  # ... by so much
 MAX_ENERGY_RATIO = 0.85  # of the energy at the background's depth
 MAX_SHIFT = 0.5  # of an object's parallax: tilt and translation are not told apart better
+MAX_OFF = 2.5  # px, that a static object may lie from where the background puts it
 SHIFT_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-3)
 
 # (depth, window, shift) -> predicted display values, where they hold
@@ -77,18 +78,21 @@ class DepthSearch:
         """Return the layer that explains `blob` near one of these depths."""
         depth, energy = self._best_depth(window, mask, depths)
         parallax = self._parallax(blob, depth)
-        if energy >= MAX_ENERGY_RATIO * self._energy(1.0, window, mask):
-            return None
         layer, share = self._judged(depth, NO_SHIFT, window, mask)
-        if share > SURE_SHARE:
+        if energy >= MAX_ENERGY_RATIO * self._energy(1.0, window, mask):
+            layer = None
+        elif share > SURE_SHARE:
             return layer
         if parallax < MIN_PARALLAX:
             layer = None
-        shift = self._shift(depth, window, mask, 1.0 + MAX_SHIFT * parallax)
-        if shift is None:
-            return layer
-        other, more = self._judged(depth, shift, window, mask)
-        return other if more > max(share, SURE_SHARE) else layer
+        # tilt and translation look alike on the ground alone: then t / d points elsewhere
+        for start, limit in ((depth, 1.0 + MAX_SHIFT * parallax), (1.0, MAX_OFF)):
+            shift = self._shift(start, window, mask, limit)
+            if shift is not None:
+                other, more = self._judged(start, shift, window, mask)
+                if more > max(share, SURE_SHARE):
+                    layer, share = other, more
+        return layer
 
     def _judged(
         self, depth: float, shift: tuple[float, float], window: Window, mask: np.ndarray
@@ -109,9 +113,9 @@ class DepthSearch:
         self, depth: float, window: Window, mask: np.ndarray, limit: float
     ) -> tuple[float, float] | None:
         """
-        Return how far the object lies from where `depth` puts it (ECC), None beyond `limit` px.
+        Return how far the object lies from where `depth` puts it, by ECC [px].
 
-        Translation and tilt look alike on the ground alone, so t / d may be off by a little.
+        None where that does not converge, or beyond `limit` px.
         """
         predicted, _ = self.render(depth, window, NO_SHIFT)
         warp = np.eye(2, 3, dtype=np.float32)

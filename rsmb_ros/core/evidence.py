@@ -74,8 +74,12 @@ class NoiseTable:
         table = np.maximum(table, MIN_SIGMA).astype(np.float32)
         return cls(table, intensity_bin, texture_bin)
 
-    def __call__(self, predicted: np.ndarray) -> np.ndarray:
-        """Standard deviation expected at each pixel of a predicted image (M, N) [grey levels]."""
+    def __call__(self, predicted: np.ndarray, place: np.ndarray | None = None) -> np.ndarray:
+        """
+        Standard deviation expected at each pixel of a predicted image (M, N) [grey levels].
+
+        `place` (M,) is the standard deviation of each row's place [px].
+        """
         energy = gradient_energy(predicted)
         levels, steps = _quantised(predicted, _texture(energy))
         sigma = cv2.remap(
@@ -85,7 +89,10 @@ class NoiseTable:
             cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         )
-        return np.sqrt(sigma * sigma + np.float32(MISPLACED**2) * energy)
+        misplaced = np.float32(MISPLACED**2)
+        if place is not None:
+            misplaced = misplaced + (place * place)[:, None]
+        return np.sqrt(sigma * sigma + misplaced * energy)
 
 
 def evidence(z: np.ndarray) -> np.ndarray:
