@@ -17,7 +17,7 @@ from .agreement import misfitting_rows
 from .clock import Clock
 from .config import Config
 from .depth_search import DepthSearch
-from .evidence import NoiseTable, evidence
+from .evidence import OUTLINE_WINDOW, NoiseTable, evidence
 from .frame import PathStage, RegisteredFrame
 from .layers import Layer
 from .motion import moved_px
@@ -43,6 +43,7 @@ class Seen:
     noise: NoiseTable
     strength: np.ndarray  # (M, N) float32 [sigma]
     mask: np.ndarray  # (M, N) uint8 0/1, candidate objects
+    sharp: np.ndarray  # (M, N) float32 [sigma], over a smaller window
 
 
 @dataclass(frozen=True)
@@ -140,8 +141,10 @@ class ChangeFinder:
         frame.judged &= (place < LOST)[:, None]
         z = frame.residual / (noise(frame.predicted, place) * frame.misfit)
         frame.judged &= ~misfitting_rows(z, frame.judged)[:, None]
-        strength = evidence(np.where(frame.judged, z, np.float32(0.0)))
-        return Seen(noise, strength, candidates(strength, self._config.change))
+        z = np.where(frame.judged, z, np.float32(0.0))
+        strength = evidence(z)
+        sharp = evidence(z, OUTLINE_WINDOW)
+        return Seen(noise, strength, candidates(strength, self._config.change), sharp)
 
     def _layers(
         self, frame: RegisteredFrame, seen: Seen, known: Sequence[Layer] = ()

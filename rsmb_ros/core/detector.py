@@ -27,7 +27,7 @@ from .motion import Grid
 from .photometric import luma
 from .reference import Reference
 from .row_frame import RowStage
-from .segmentation import Blob, blobs, without_small, without_thin
+from .segmentation import Blob, blobs, tightened, without_small, without_thin
 from .stream import StreamMemory
 from .types import NOT_REGISTERED, REGISTERED, Region, Result
 
@@ -172,6 +172,7 @@ class Detector:
     def _registered(self, finding: Finding, clock: Clock) -> Result:
         frame, seen = finding.frame, finding.seen
         mask = without_small(without_thin(seen.mask * frame.judged), self.config.change)
+        mask = tightened(mask, seen.sharp, self.config.change)
         regions = [*self._changes(mask, seen.strength), *map(_static_region, finding.layers)]
         return Result(
             status=REGISTERED,

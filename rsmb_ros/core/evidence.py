@@ -17,6 +17,7 @@ TEXTURE_STEP = 0.125  # grey levels / px, table resolution
 TEXTURE_WINDOW = 5  # px
 EVIDENCE_WINDOW = 7  # px
 MISPLACED = 0.12  # px, by which an edge may be off although its surroundings fit
+OUTLINE_WINDOW = 3  # px; where the outline of what is known to be an object is looked for
 MAX_Z2 = 100.0  # one wild pixel must not decide for its neighbourhood
 
 
@@ -95,9 +96,9 @@ class NoiseTable:
         return np.sqrt(sigma * sigma + misplaced * energy)
 
 
-def evidence(z: np.ndarray) -> np.ndarray:
+def evidence(z: np.ndarray, size: int = EVIDENCE_WINDOW) -> np.ndarray:
     """Root mean square of normalised residuals (M, N) over a small window, float32."""
-    window = (EVIDENCE_WINDOW, EVIDENCE_WINDOW)
+    window = (size, size)
     return np.sqrt(np.maximum(cv2.blur(np.minimum(z * z, np.float32(MAX_Z2)), window), 0.0))
 
 

@@ -11,6 +11,8 @@ from .config import ChangeConfig
 
 BASE_PIXELS = 640 * 480  # sizes below are px at this frame size
 CLOSE_RADIUS = 5.0  # px, gaps in an outline that are closed
+TIGHT_RADIUS = 4.0  # px, gaps in an object that are closed when its outline is drawn
+TIGHT_SHARE = 0.35  # of an object that must show in the smaller window
 OPEN_SIZE = 5  # px, thinner leftovers along depth edges are not objects
 
 
@@ -49,11 +51,36 @@ def candidates(evidence: np.ndarray, config: ChangeConfig) -> np.ndarray:
     pad = size
     mask = cv2.copyMakeBorder(mask, pad, pad, pad, pad, cv2.BORDER_CONSTANT, value=0)
     mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, disc)[pad:-pad, pad:-pad]
+    filled = cv2.morphologyEx(_filled(mask), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    return without_small(filled, config)
+
+
+def tightened(mask: np.ndarray, sharp: np.ndarray, config: ChangeConfig) -> np.ndarray:
+    """
+    Draw the outlines of objects in a mask (M, N) uint8 0/1 where the residual begins.
+
+    `mask` is as wide as the window of the evidence it was found by; `sharp` (M, N) [sigma] is
+    evidence of a smaller window. An object keeps its outline where too little of it shows there.
+    """
+    scale = np.sqrt(mask.size / BASE_PIXELS)
+    size = 2 * max(1, round(TIGHT_RADIUS * scale)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    result = np.zeros_like(mask)
+    for blob in blobs(mask):
+        inside = np.pad((sharp[blob.box] > config.threshold_low) & blob.mask, size)
+        closed = cv2.morphologyEx(inside.astype(np.uint8), cv2.MORPH_CLOSE, disc)
+        tight = _filled(closed)[size:-size, size:-size] & blob.mask
+        seen = np.count_nonzero(tight) > TIGHT_SHARE * blob.area
+        result[blob.box] |= tight if seen else blob.mask
+    return result
+
+
+def _filled(mask: np.ndarray) -> np.ndarray:
+    """Fill the holes of a mask (M, N) uint8 0/1."""
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     filled = np.zeros_like(mask)
     cv2.drawContours(filled, outlines, -1, 1, cv2.FILLED)
-    filled = cv2.morphologyEx(filled, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    return without_small(filled, config)
+    return filled
 
 
 def hysteresis(evidence: np.ndarray, config: ChangeConfig) -> np.ndarray:
