@@ -172,7 +172,7 @@ class Detector:
     def _registered(self, finding: Finding, clock: Clock) -> Result:
         frame, seen = finding.frame, finding.seen
         mask = without_small(without_thin(seen.mask * frame.judged), self.config.change)
-        mask = tightened(mask, seen.sharp, self.config.change)
+        mask = without_small(tightened(mask, seen.sharp, self.config.change), self.config.change)
         regions = [*self._changes(mask, seen.strength), *map(_static_region, finding.layers)]
         return Result(
             status=REGISTERED,

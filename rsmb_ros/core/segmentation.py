@@ -11,7 +11,8 @@ from .config import ChangeConfig
 
 BASE_PIXELS = 640 * 480  # sizes below are px at this frame size
 CLOSE_RADIUS = 5.0  # px, gaps in an outline that are closed
-TIGHT_RADIUS = 4.0  # px, gaps in an object that are closed when its outline is drawn
+OUTLINE = 1.8  # of threshold_low, that an outline is drawn at
+TIGHT_RADIUS = 5.0  # px, gaps in an object that are closed when its outline is drawn
 TIGHT_SHARE = 0.35  # of an object that must show in the smaller window
 OPEN_SIZE = 5  # px, thinner leftovers along depth edges are not objects
 
@@ -67,7 +68,7 @@ def tightened(mask: np.ndarray, sharp: np.ndarray, config: ChangeConfig) -> np.n
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     result = np.zeros_like(mask)
     for blob in blobs(mask):
-        inside = np.pad((sharp[blob.box] > config.threshold_low) & blob.mask, size)
+        inside = np.pad((sharp[blob.box] > OUTLINE * config.threshold_low) & blob.mask, size)
         closed = cv2.morphologyEx(inside.astype(np.uint8), cv2.MORPH_CLOSE, disc)
         tight = _filled(closed)[size:-size, size:-size] & blob.mask
         seen = np.count_nonzero(tight) > TIGHT_SHARE * blob.area
