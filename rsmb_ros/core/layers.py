@@ -92,14 +92,13 @@ def _cover_in_reference(pieces: list[Layer], path: CameraPath) -> np.ndarray:
                 inside = (u >= 0) & (v >= 0) & (u < cols) & (v < rows)
                 part[v[inside], u[inside]] = 1
     outline = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (EDGE, EDGE))
-    sure = cv2.erode(_without_gaps(cover[0], path), outline)
-    perhaps = cv2.dilate(_without_gaps(cover[1], path), outline)
+    sure = cv2.erode(_without_gaps(cover[0], EDGE), outline)
+    perhaps = cv2.dilate(_without_gaps(cover[1], _gaps(path)), outline)
     return (sure.astype(np.float32) + perhaps) / np.float32(2.0)
 
 
-def _without_gaps(cover: np.ndarray, path: CameraPath) -> np.ndarray:
-    """Close the gaps in an object's cover (rows, cols) uint8 0/1."""
-    gaps = _gaps(path)
+def _without_gaps(cover: np.ndarray, gaps: int) -> np.ndarray:
+    """Close gaps of so many pixels in an object's cover (rows, cols) uint8 0/1."""
     cover = cv2.copyMakeBorder(cover, *[gaps] * 4, cv2.BORDER_CONSTANT, value=0)
     cover = cv2.morphologyEx(cover, cv2.MORPH_CLOSE, np.ones((gaps, gaps), np.uint8))
     return cover[gaps:-gaps, gaps:-gaps]
