@@ -49,10 +49,17 @@ def sharpness(predicted: np.ndarray, live: np.ndarray, judged: np.ndarray) -> fl
     Sharpness of a predicted image relative to the live one, about 1 where they fit.
 
     A wrong path with a long exposure smears the reference until little contradicts the live frame:
-    its agreement is high, its sharpness is not. Images are (M, N) float32, `judged` (M, N) bool.
+    its agreement is high, its sharpness is not. Images are (M, N) float32, `judged` (M, N) bool;
+    they are compared at half size, where noise is no texture.
     """
+    half = (predicted.shape[1] // 2, predicted.shape[0] // 2)
+    whole = np.s_[: 2 * half[1], : 2 * half[0]]
+    chosen = judged[whole][ENOUGH]
     found, seen = (
-        np.percentile(gradient_energy(image)[ENOUGH][judged[ENOUGH]], SHARP_SHARE)
+        np.percentile(
+            gradient_energy(cv2.resize(image[whole], half, interpolation=cv2.INTER_AREA))[chosen],
+            SHARP_SHARE,
+        )
         for image in (predicted, live)
     )
     return float(np.sqrt(found / max(seen, 1e-6)))
