@@ -134,14 +134,16 @@ class Composition:
     def _add_mixed(self, fine: np.ndarray, *out: np.ndarray) -> None:
         """Write image, known and sure of the tiles that show several layers."""
         path, depth, rows = self._path, self._depth, len(out[0])
-        times, flat, uneven = path.row_times, fine.ravel(), depth.uneven(EDGE)
+        times, flat = path.row_times, fine.ravel()
+        near, uneven = depth.possible(EDGE), depth.uneven(EDGE)
 
         def run(chunk: int) -> None:
             composite_rows(
                 chunk * rows // CHUNKS, (chunk + 1) * rows // CHUNKS, self._bits, self._sole, flat,
-                fine.shape[1], depth.members, depth.surface, depth.inverse_depths, uneven,
-                MISPLACED, times, self._samples, path.control, path.first_time, path.knot_rows,
-                path.exposure_rows, path.grid.focal_px, path.grid.center, *out,
+                fine.shape[1], depth.members, near, EDGE, depth.surface, uneven,
+                depth.inverse_depths, MISPLACED, times, self._samples, path.control,
+                path.first_time, path.knot_rows, path.exposure_rows, path.grid.focal_px,
+                path.grid.center, *out,
             )  # fmt: skip
 
         list(self._executor.map(run, range(CHUNKS)))

@@ -183,17 +183,20 @@ def ask_tiles(
 
 @njit(**OPTIONS)
 def composite_rows(
-    first, last, bits, sole, fine, half_columns, members, surface, layers, uneven, misplaced, times,
-    samples, control, first_time, knot_rows, exposure, focal, center, out, known, sure,
+    first, last, bits, sole, fine, half_columns, members, near, radius, surface, uneven, layers,
+    misplaced, times, samples, control, first_time, knot_rows, exposure, focal, center, out, known,
+    sure,
 ):
     """
     Write what several layers show together, in rows first..last of the tiles that need it.
 
     Eq. 5: at each instant the nearest layer hides the others where it covers; `out` is the mean
     of what is seen over the part of the exposure that is `known`, the rest lies where the
-    reference shows something nearer. Places between pixels are shared out bilinearly. The part
-    near a step of 1/d (`uneven`, (M, N)) that moves things by more than `misplaced` px is not
-    `sure`: there the map must be no better than a map is. On a smooth `surface` (M, N) each place
+    reference shows something nearer. Places between pixels are shared out bilinearly.
+
+    An edge of the map may be `radius` px off: what is seen beside one, by `uneven` (M, N, steps of
+    1/d within `radius`) or since a nearer layer is `near` (bits within `radius`), is not `sure`
+    where that may move it by more than `misplaced` px. On a smooth `surface` (M, N) each place
     has its own depth.
     """
     half_width = center[0] + 0.5
@@ -223,8 +226,8 @@ def composite_rows(
                 )
             else:
                 add_layers(
-                    hs, slopes, count, x, y, center, fine, half_columns, members, layers, seen,
-                    uneven, misplaced, found,
+                    hs, slopes, count, x, y, center, fine, half_columns, members, near, radius,
+                    uneven, layers, seen, misplaced, found,
                 )
             covered = found[1]
             out[row, column] = found[0] / covered if covered > 0.0 else np.float32(0.0)
@@ -258,8 +261,8 @@ def add_surface(hs, slopes, count, x, y, center, fine, half_columns, surface, fo
 
 @njit(**OPTIONS)
 def add_layers(
-    hs, slopes, count, x, y, center, fine, half_columns, members, layers, seen, uneven, misplaced,
-    found,
+    hs, slopes, count, x, y, center, fine, half_columns, members, near, radius, uneven, layers,
+    seen, misplaced, found,
 ):
     """Write light, covered and trusted instants of a pixel x, y (centred), nearest layer first."""
     u_limit = members.shape[1] - 1.0
@@ -274,6 +277,7 @@ def add_layers(
         side = h[3] * x + h[4] * y + h[5]
         scale = h[6] * x + h[7] * y + h[8]
         left = np.float32(1.0)
+        beside = 0.0  # 1/d of the nearest layer that may hide what is seen, and does not
         rest = seen
         n = 0
         while rest != 0 and left > np.float32(1e-4):
@@ -283,15 +287,21 @@ def add_layers(
                 u = (top + excess * slope[0]) * w + center[2]
                 v = (side + excess * slope[1]) * w + center[3]
                 if u >= 0.0 and v >= 0.0 and u <= u_limit and v <= v_limit:
-                    share = min(cover(members, n, u, v), left)
+                    share = cover(members, n, u, v)
+                    i = int(v + 0.5)
+                    j = int(u + 0.5)
+                    perhaps = (near[i + radius, j + radius] >> np.uint32(n)) & np.uint32(1)
+                    if perhaps and beside == 0.0 and share < np.float32(1.0):
+                        beside = layers[n]
+                    share = min(share, left)
                     if share > 0.0:
                         light += share * half_pixel_value(
                             fine, half_columns, u, v, u_limit, v_limit
                         )
                         covered += share
                         left -= share
-                        step = uneven[int(v + 0.5), int(u + 0.5)]
-                        if step == 0.0 or step * parallax_px(h, slope, x, y) <= misplaced:
+                        step = max(uneven[i, j], beside - layers[n])
+                        if step <= 0.0 or step * parallax_px(h, slope, x, y) <= misplaced:
                             trusted += share
             rest = rest >> np.uint32(1)
             n += 1
