@@ -43,7 +43,7 @@ def checked_depth(depth: Any, shape: tuple[int, ...]) -> np.ndarray:
     if depth.shape != tuple(shape[:2]):
         raise FrameError(
             f'depth is {depth.shape[0]}x{depth.shape[1]} px but the reference is '
-            f'{shape[0]}x{shape[1]} px: must be on the reference\'s grid'
+            f"{shape[0]}x{shape[1]} px: must be on the reference's grid"
         )
     with np.errstate(invalid='ignore'):
         wrong = ~np.isnan(depth) & ~((depth >= DEPTH_LOW) & (depth <= DEPTH_HIGH))
@@ -51,7 +51,7 @@ def checked_depth(depth: Any, shape: tuple[int, ...]) -> np.ndarray:
         row, col = np.argwhere(wrong)[0]
         raise FrameError(
             f'depth at row {row}, column {col} is {depth[row, col]:g} ({wrong.sum()} such pixels), '
-            f'must be {DEPTH_LOW:g} to {DEPTH_HIGH:g} times the background\'s, NaN where unknown'
+            f"must be {DEPTH_LOW:g} to {DEPTH_HIGH:g} times the background's, NaN where unknown"
         )
     if np.isnan(depth).all():
         raise FrameError('depth is NaN everywhere, must be known somewhere')

@@ -39,9 +39,7 @@ class LayeredFrame(PathFrame):
         """Where the reference shows anything of what the live frame sees (M, N) bool."""
         return self._known > 0.0
 
-    def _seen(
-        self, fine: np.ndarray, box: tuple[int, int, int, int]
-    ) -> tuple[Window, np.ndarray]:
+    def _seen(self, fine: np.ndarray, box: tuple[int, int, int, int]) -> tuple[Window, np.ndarray]:
         return Window(0, self.grey.shape[0], 0, self.grey.shape[1]), self._scene.render(fine).image
 
     def _composited(self, fine: np.ndarray) -> np.ndarray:
@@ -52,4 +50,3 @@ class LayeredStage(PathStage):
     """Registers live frames of one size to one reference of known depth."""
 
     frame_class = LayeredFrame
-
