@@ -279,12 +279,19 @@ class Detector:
         )
 
 
-def warm_up(config: Config = Config()) -> None:
-    """Compile every kernel once (tens of seconds without numba's cache, about one with it)."""
+def warm_up(config: Config = Config(), depth: bool = False) -> None:
+    """
+    Compile every kernel once (tens of seconds without numba's cache, about one with it).
+
+    With `depth` those of a known depth, which are others.
+    """
     rng = np.random.default_rng(0)
     coarse = rng.integers(30, 220, (16, 20), dtype=np.uint8)
     reference = cv2.resize(coarse, (160, 128), interpolation=cv2.INTER_CUBIC)
-    result = Detector(reference, config=config).detect(np.roll(reference, 3, axis=1))
+    layers = np.ones(reference.shape, np.float32)
+    layers[40:80, 50:100] = 0.8
+    detector = Detector(reference, config=config, depth=layers if depth else None)
+    result = detector.detect(np.roll(reference, 3, axis=1))
     result.rectified  # noqa: B018 - computed on first use
 
 

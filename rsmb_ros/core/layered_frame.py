@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from functools import cached_property
 
+import cv2
 import numpy as np
 
 from .composite import Composition
+from .depth_map import EDGE_STEP
 from .frame import PathFrame, PathStage
 from .photometric import to_display
-from .render import Window
+from .render import Window, at_places, shown_at
 
 KNOWN = 0.98  # share of a pixel's exposure that the reference must know for it to be judged
 
@@ -38,6 +40,16 @@ class LayeredFrame(PathFrame):
     def shown(self) -> np.ndarray:
         """Where the reference shows anything of what the live frame sees (M, N) bool."""
         return self._known > 0.0
+
+    def rectified(self) -> np.ndarray:
+        """Return the live image in the geometry of the reference, 0 where something hides it."""
+        depth = self._reference.depth
+        assert depth is not None
+        places = shown_at(self.path, self._executor, depth.surface)
+        image = at_places(self.live, places, cv2.INTER_CUBIC)
+        seen = self._scene.render(np.repeat(np.repeat(depth.surface, 2, axis=0), 2, axis=1)).image
+        image[at_places(seen, places, cv2.INTER_LINEAR) > depth.surface + EDGE_STEP] = 0
+        return image
 
     def _seen(self, fine: np.ndarray, box: tuple[int, int, int, int]) -> tuple[Window, np.ndarray]:
         return Window(0, self.grey.shape[0], 0, self.grey.shape[1]), self._scene.render(fine).image

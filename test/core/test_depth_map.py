@@ -402,6 +402,25 @@ def test_uncovered_ground_is_not_judged(suburb_case):
     assert np.mean(result.valid_mask[inside & ~hidden] > 0) > 0.8
 
 
+def test_rectified_houses_lie_where_the_reference_has_them(suburb, suburb_case):
+    reference, depth, ((live, _), _) = suburb_case
+    result = Detector(reference, CAMERA, depth=depth).detect(live)
+    plain = Detector(reference, CAMERA).detect(live)
+    roofs = cv2.erode((depth < 0.9).astype(np.uint8), np.ones((15, 15), np.uint8)) > 0
+
+    def likeness(image):
+        seen = roofs & (image > 0).all(axis=2)
+        assert np.count_nonzero(seen) > 5000
+        return np.corrcoef(luma(image)[seen], luma(reference)[seen])[0, 1]
+
+    assert likeness(result.rectified) > 0.75  # it is blurred by 8 px
+    assert likeness(result.rectified) > likeness(plain.rectified) + 0.1
+    # the houses stand to the side of where they were and hide other ground: no second image of
+    # them there
+    hidden = ~roofs & (plain.rectified > 0).all(axis=2) & (result.rectified == 0).all(axis=2)
+    assert 500 < np.count_nonzero(hidden) < 0.1 * hidden.size
+
+
 def test_edges_of_the_map_may_be_two_pixels_off(suburb_case):
     reference, depth, ((live, truth), _) = suburb_case
     larger = cv2.erode(depth, np.ones((5, 5), np.uint8))  # nearer is less: houses grow by 2 px

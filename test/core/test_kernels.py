@@ -10,7 +10,7 @@ import pytest
 
 from rsmb_ros.core._kernels import fit, fit_row, geometry, render, synthesis
 from rsmb_ros.core.motion import homographies
-from rsmb_ros.core.render import blurred
+from rsmb_ros.core.render import blurred, shown_at
 from rsmb_ros.core.sampling import HALF_PIXELS, half_pixel, softened
 
 pytestmark = pytest.mark.oracle
@@ -251,11 +251,25 @@ def test_live_places_invert_the_row_homographies(bent_path):
     found = homographies(bent_path.row_centroids(), bent_path.grid)
     inverses = np.linalg.inv(found).reshape(-1, 9)
     map_x, map_y = np.zeros((44, 52), np.float32), np.zeros((44, 52), np.float32)
-    render.live_places(0, 44, inverses, bent_path.grid.center, 40, map_x, map_y)
+    shifts = np.zeros((40, 3))
+    render.live_places(0, 44, inverses, bent_path.grid.center, 40, None, shifts, map_x, map_y)
     for u, v in ((12, 10), (25, 22), (40, 30), (20, 35)):
         gap, x, y = naive.live_place(found, u, v, bent_path.grid.center)
         assert gap < 0.6  # the nearest whole row
         # between whole rows the camera moves on: the motion of half a row
+        assert np.hypot(map_x[v, u] - x, map_y[v, u] - y) < 0.6
+
+
+def test_live_places_of_layers_invert_their_own_homographies(bent_path, executor):
+    depth = np.where(np.arange(52) < 26, 0.8, 1.25)
+    surface = np.tile((1 / depth).astype(np.float32), (44, 1))
+    # steeper in the rows than what a pixel is: the nearest whole row must be near
+    path = replace(bent_path, control=bent_path.control + np.array([5.0, -4.0, 0, 0, 0, 0]))
+    map_x, map_y = shown_at(path, executor, surface)
+    for u, v in ((12, 10), (22, 22), (30, 30), (40, 35)):
+        found = homographies(path.row_centroids(), path.grid, depth[u])
+        gap, x, y = naive.live_place(found, u, v, path.grid.center)
+        assert gap < 0.6  # the nearest whole row
         assert np.hypot(map_x[v, u] - x, map_y[v, u] - y) < 0.6
 
 
