@@ -22,9 +22,18 @@ def generate_launch_description() -> LaunchDescription:
         'namespace': ('', 'namespace of the node and of its relative topics'),
         'image': ('image', 'topic of the live images (sensor_msgs/Image)'),
         'reference': ('reference/image', 'topic of the clean reference (sensor_msgs/Image)'),
+        'depth': (
+            'reference/depth',
+            "topic of the reference's depth (sensor_msgs/Image), if known",
+        ),
         'camera_info': ('camera_info', 'topic of the intrinsics (sensor_msgs/CameraInfo)'),
     }
-    topics = {'image': 'image', 'reference': 'reference/image', 'camera_info': 'camera_info'}
+    topics = {
+        'image': 'image',
+        'reference': 'reference/image',
+        'depth': 'reference/depth',
+        'camera_info': 'camera_info',
+    }
     node = Node(
         package='rsmb_ros',
         executable='rsmb_node',

@@ -100,14 +100,14 @@ def instants(count):
     return places * np.sqrt(1 / 12 / np.mean(places**2))
 
 
-def point_residual(fine, path, row, column, value, count, light, gamma):
+def point_residual(fine, path, row, column, value, count, light, gamma, depth=1.0):
     """Eq. 1 and 6 for one point: live display value minus the predicted one; None outside."""
     grid = path.grid
     mean = 0.0
     for k in range(count):
         time = path.row_times[row] + instants(count)[k] * path.exposure_rows
         q = path_coordinates(path.control, path.first_time, path.knot_rows, time)
-        h = homography(q, grid.focal_px, grid.half_width)
+        h = homography(q, grid.focal_px, grid.half_width, depth)
         u, v = warped_place(h, column, row, grid.center)
         if not (0 <= 2 * u <= fine.shape[1] - 2.001 and 0 <= 2 * v <= fine.shape[0] - 2.001):
             return None
@@ -116,6 +116,60 @@ def point_residual(fine, path, row, column, value, count, light, gamma):
     y = (row - grid.center[1]) / grid.half_width
     gain = light[0] + light[1] * x + light[2] * y + light[3] * (x * x + y * y)
     return value - display(gain * mean + light[4], gamma)
+
+
+def layer_place(path, row, column, share, depth):
+    """Where the layer at `depth` puts a live pixel at a share (-1/2..1/2) of its row's exposure."""
+    grid = path.grid
+    time = path.row_times[row] + share * path.exposure_rows
+    q = path_coordinates(path.control, path.first_time, path.knot_rows, time)
+    return warped_place(
+        homography(q, grid.focal_px, grid.half_width, depth), column, row, grid.center
+    )
+
+
+def composited(fine, masks, depths, path, row, column, count):
+    """Eq. 5: mean light of a pixel over what is known, and how much is; nearest layer first."""
+    light = known = 0.0
+    rows, cols = masks[0].shape
+    for share in instants(count):
+        left = 1.0
+        for mask, depth in zip(masks, depths, strict=True):
+            u, v = layer_place(path, row, column, share, depth)
+            if 0 <= u <= cols - 1 and 0 <= v <= rows - 1:
+                part = min(bilinear(mask, v, u)[0], left)
+                if part > 0:
+                    light += part * bilinear(fine, 2 * v, 2 * u)[0] / count
+                known += part / count
+                left -= part
+    return light / known if known else 0.0, known
+
+
+def surface_light(fine, surface, path, row, column, count):
+    """Light of a pixel that shows one surface (M, N) of 1/d without edges, all of it known."""
+    light = 0.0
+    for share in instants(count):
+        inverse = 1.0
+        for _ in range(30):  # the point that lies where its own depth puts it
+            u, v = layer_place(path, row, column, share, 1.0 / inverse)
+            inverse = surface[round(v), round(u)]
+        light += bilinear(fine, 2 * v, 2 * u)[0] / count
+    return light
+
+
+def seen_depth(surface, even, masks, depths, path, row, column, count, most):
+    """Mean 1/d that a point sees over the exposure; 0 at edges, and where it differs too much."""
+    seen = []
+    for share in instants(count):
+        found = 0.0
+        for mask, depth in zip(masks, depths, strict=True):
+            u, v = layer_place(path, row, column, share, depth)
+            i, j = int(np.floor(v + 0.5)), int(np.floor(u + 0.5))
+            if 0 <= i < surface.shape[0] and 0 <= j < surface.shape[1] and mask[i, j]:
+                found = surface[i, j] if even[i, j] else 0.0
+                break
+        seen.append(found)
+    return float(np.mean(seen)) if min(seen) > 0 and max(seen) - min(seen) <= most else 0.0
 
 
 def strongest_gradients(image, rows, bins):

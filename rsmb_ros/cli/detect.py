@@ -14,6 +14,7 @@ from rsmb_ros.core.types import Result
 from rsmb_ros.messages.as_json import result_to_dict
 from rsmb_ros.report.overlay import describe, draw_overlay
 
+from .depth_file import add_depth_options, load_depth
 from .images import output_folder, read_image, write_png, write_whole
 from .options import add_config_options, load_config
 
@@ -27,13 +28,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('reference', type=Path, help='clean image, JPEG or PNG')
     parser.add_argument('live', type=Path, help='image to examine, JPEG or PNG')
     parser.add_argument('-o', '--output', type=Path, required=True, metavar='DIR')
+    add_depth_options(parser)
     add_config_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Compare, write, say in one line what came out."""
     config = load_config(args)
-    detector = Detector(read_image(args.reference), config=config)
+    detector = Detector(read_image(args.reference), config=config, depth=load_depth(args))
     live = read_image(args.live)
     result = detector.detect(live)
     folder = output_folder(args.output)

@@ -24,6 +24,7 @@ from rsmb_ros.messages.outputs import OUTPUTS
 from rsmb_ros.report.html import Report
 from rsmb_ros.report.overlay import describe, draw_overlay
 
+from .depth_file import add_depth_options, load_depth
 from .images import read_image
 from .interrupt import Interrupt
 from .options import add_config_options, load_config, mcap_path
@@ -68,18 +69,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help='one line per region; a frame without regions has one line, without region',
     )
+    add_depth_options(parser)
     add_config_options(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay the bag and say in one line what came out."""
-    config = load_config(args)
+    config, depth = load_config(args), load_depth(args)
     if args.bag.exists() and args.output.resolve() == args.bag.resolve():
         raise ConfigError(f'-o {args.output} is the bag to be read; choose another name')
     with ExitStack() as stack:
         bag = stack.enter_context(Bag(args.bag))
         live, reference = _choose(bag, args)
-        results = _results(bag, live, reference, config)
+        results = _results(bag, live, reference, config, depth)
         first = next(results, None)
         if first is None:
             raise BagError(f'{args.bag}: no frame of {live.name} can be read')
@@ -122,9 +124,17 @@ def _choose(bag: Bag, args: argparse.Namespace) -> tuple[Topic, np.ndarray | Top
 
 
 def _results(
-    bag: Bag, live: Topic, reference: np.ndarray | Topic, config: Config
+    bag: Bag,
+    live: Topic,
+    reference: np.ndarray | Topic,
+    config: Config,
+    depth: np.ndarray | None,
 ) -> Iterator[tuple[BagFrame, np.ndarray, Result]]:
-    """Iterate over frames, the reference of each, and results; a newer reference takes over."""
+    """
+    Iterate over frames, the reference of each, and results; a newer reference takes over.
+
+    `depth` is that of the only reference.
+    """
     focal_px = bag.focal_px()
     camera = None if focal_px is None else Camera(focal_px)
     topics = [live.name]
@@ -136,10 +146,15 @@ def _results(
         bag.skipped.clear()  # they will be met, and counted, once more
     else:
         image = reference
-    detector = Detector(image, camera, config)
+    detector = Detector(image, camera, config, depth)
     for frame in bag.frames(*topics):
         if frame.topic != live.name:
             if not np.array_equal(frame.image, detector.reference):
+                if depth is not None:
+                    raise BagError(
+                        f'{bag.path}: image {frame.index} of {frame.topic} is another reference '
+                        'than the one --depth describes; give one with --reference FILE'
+                    )
                 detector = Detector(frame.image, camera, config)
             continue
         try:

@@ -19,9 +19,11 @@ from .change_finder import ChangeFinder, Finding
 from .clock import Clock
 from .coarse import CoarseSearch, StripMatches
 from .config import Config
-from .errors import FrameError
+from .depth_map import DepthMap, checked_depth
+from .errors import ConfigError, FrameError
 from .features import FeatureSearch
 from .frame import BlankViews, PathFrame, PathStage, RegisteredFrame
+from .layered_frame import LayeredStage
 from .layers import Layer
 from .motion import Grid
 from .photometric import luma
@@ -33,6 +35,7 @@ from .types import NOT_REGISTERED, REGISTERED, Region, Result
 
 MIN_SIZE = 32  # px, smaller frames hold nothing to register by
 MIN_CONTRAST = 1.5  # grey levels; an image flatter than this has no texture
+NO_SEARCH = {'layers.enabled': False}  # of depths, where they are known
 
 _BLAS = ThreadpoolController()
 _Stages = tuple[CoarseSearch, FeatureSearch, 'PathStage | RowStage']
@@ -50,6 +53,10 @@ class Detector:
         Intrinsics of the live camera; `config.camera.focal_px` goes before it, a guess comes last.
     config : Config
         All parameters.
+    depth : ndarray of shape (M, N), float32, optional
+        Relative depth ``d_l`` of each reference pixel, background = 1, nearer < 1, 0.05 to 20; NaN
+        where it is not known: what is there is never judged. All layers are then registered and
+        rendered at once (Eq. 6-10), and no depths are searched.
 
     Notes
     -----
@@ -59,19 +66,26 @@ class Detector:
     Raises
     ------
     FrameError
-        If `reference` is not such an array.
+        If `reference` or `depth` is not such an array.
+    ConfigError
+        If there is a `depth` and ``registration.estimator`` is ``rows``.
 
     """
 
     def __init__(
-        self, reference: np.ndarray, camera: Camera | None = None, config: Config = Config()
+        self,
+        reference: np.ndarray,
+        camera: Camera | None = None,
+        config: Config = Config(),
+        depth: np.ndarray | None = None,
     ) -> None:
         self.reference = _checked(reference, 'reference')
         self.config = config
         self._camera = camera
-        self._finder = ChangeFinder(config)
+        layers = None if depth is None else _layers(depth, self.reference, config)
+        self._finder = ChangeFinder(config if layers is None else config.replaced(NO_SEARCH))
         self._executor = ThreadPoolExecutor(config.worker.threads, 'rsmb')
-        self._reference = Reference(self.reference, config.camera.gamma)
+        self._reference = Reference(self.reference, config.camera.gamma, layers)
         self._stages: dict[tuple[int, int], _Stages] = {}
         self._memory = StreamMemory()
 
@@ -195,12 +209,17 @@ class Detector:
             grid = Grid(shape, self._reference.grey.shape, self.camera_for(shape[1]).focal_px)
             fraction = self.config.registration.search_fraction
             coarse = CoarseSearch(self._reference.grey, grid, fraction)
-            kind = RowStage if self.config.registration.estimator == 'rows' else PathStage
-            stage = kind(self._reference, grid, self.config, self._executor)
+            stage = self._stage_class(self._reference, grid, self.config, self._executor)
             features = FeatureSearch(self._reference.grey, grid)
             self._stages = {shape: (coarse, features, stage)}  # one size at a time: memory
             self._memory = StreamMemory()
         return self._stages[shape]
+
+    @property
+    def _stage_class(self) -> type[PathStage] | type[RowStage]:
+        if self.config.registration.estimator == 'rows':
+            return RowStage
+        return PathStage if self._reference.depth is None else LayeredStage
 
     def _without_texture(self, grey: np.ndarray) -> str:
         for name, image in (('reference', self._reference.grey), ('live frame', grey)):
@@ -260,12 +279,19 @@ class Detector:
         )
 
 
-def warm_up(config: Config = Config()) -> None:
-    """Compile every kernel once (tens of seconds without numba's cache, about one with it)."""
+def warm_up(config: Config = Config(), depth: bool = False) -> None:
+    """
+    Compile every kernel once (tens of seconds without numba's cache, about one with it).
+
+    With `depth` those of a known depth, which are others.
+    """
     rng = np.random.default_rng(0)
     coarse = rng.integers(30, 220, (16, 20), dtype=np.uint8)
     reference = cv2.resize(coarse, (160, 128), interpolation=cv2.INTER_CUBIC)
-    result = Detector(reference, config=config).detect(np.roll(reference, 3, axis=1))
+    layers = np.ones(reference.shape, np.float32)
+    layers[40:80, 50:100] = 0.8
+    detector = Detector(reference, config=config, depth=layers if depth else None)
+    result = detector.detect(np.roll(reference, 3, axis=1))
     result.rectified  # noqa: B018 - computed on first use
 
 
@@ -281,6 +307,15 @@ def _checked(image: np.ndarray, name: str) -> np.ndarray:
             f'must be at least {MIN_SIZE}x{MIN_SIZE}'
         )
     return image
+
+
+def _layers(depth: np.ndarray, reference: np.ndarray, config: Config) -> DepthMap:
+    """Return the layers of a known depth; only the path estimator takes them."""
+    if config.registration.estimator == 'rows':
+        raise ConfigError(
+            'registration.estimator = rows takes no depth map: must be path, or give no depth'
+        )
+    return DepthMap(checked_depth(depth, reference.shape))
 
 
 def _static_region(layer: Layer) -> Region:

@@ -51,7 +51,7 @@ class RegisteredFrame(ABC):
         self._reference = reference
         self._executor = executor
         self._fronts: list[Front] = []
-        self.predicted, self.complete = self.render(1.0, Window(0, grey.shape[0], 0, grey.shape[1]))
+        self.predicted, self.complete = self.predict()
         self.residual = grey - self.predicted
         self.misfit = np.ones(grey.shape, np.float32)
         edge = cv2.copyMakeBorder(self.complete.astype(np.uint8), *[1] * 4, cv2.BORDER_CONSTANT)
@@ -93,6 +93,15 @@ class RegisteredFrame(ABC):
         The layer lies at relative depth `depth`, moved by `shift` x, y [px].
         """
 
+    def predict(self) -> tuple[np.ndarray, np.ndarray]:
+        """Display values of the whole live frame as the reference knows it, and where they hold."""
+        return self.render(1.0, Window(0, self.grey.shape[0], 0, self.grey.shape[1]))
+
+    @property
+    def shown(self) -> np.ndarray:
+        """Where the reference shows anything of what the live frame sees (M, N) bool."""
+        return self.complete
+
     @abstractmethod
     def registered(self) -> np.ndarray:
         """Return the reference as the live camera would have seen it, uint8."""
@@ -105,16 +114,15 @@ class RegisteredFrame(ABC):
         """
         unknown = at_limit(self.live) & (self.residual < 0)
         if self._reference.fine_clipped is not None:
-            window = self._showing(self._reference.clipped_box)
-            share, _ = blurred(
-                self._reference.fine_clipped,
-                self.path,
-                self._executor,
-                window=window,
-                step_px=CLIPPED_STEP,
-            )
+            window, share = self._seen(self._reference.fine_clipped, self._reference.clipped_box)
             unknown[window.box] |= (share > CLIPPED_SHARE) & (self.residual[window.box] > 0)
         return unknown
+
+    def _seen(self, fine: np.ndarray, box: tuple[int, int, int, int]) -> tuple[Window, np.ndarray]:
+        """Return the part of the frame that may show a box of the reference, and `fine` there."""
+        window = self._showing(box)
+        share, _ = blurred(fine, self.path, self._executor, window=window, step_px=CLIPPED_STEP)
+        return window, share
 
     def _showing(self, box: tuple[int, int, int, int]) -> Window:
         """Return the part of the live frame that may show a box (x, y, end) of the reference."""
@@ -222,7 +230,7 @@ class PathFrame(RegisteredFrame):
     def registered(self) -> np.ndarray:
         """Return the reference as the live camera would have seen it, uint8."""
         if self._reference.image.ndim == 2:
-            image = self.predicted * self.complete
+            image = self.predicted * self.shown
         else:
             defocus = self.fit.defocus
             planes = [
@@ -230,7 +238,7 @@ class PathFrame(RegisteredFrame):
                 for fine in self._reference.fine_planes
             ]
             image = self.fit.light.apply(np.stack(planes, axis=-1), self._reference.gamma)
-            image *= self.complete[..., None]
+            image *= self.shown[..., None]
         return np.rint(image).astype(np.uint8)
 
     def _composited(self, fine: np.ndarray) -> np.ndarray:
@@ -247,6 +255,8 @@ class PathFrame(RegisteredFrame):
 
 class PathStage:
     """Registers live frames of one size to one reference by one camera path a frame."""
+
+    frame_class = PathFrame
 
     def __init__(
         self, reference: Reference, grid: Grid, config: Config, executor: Executor
@@ -265,7 +275,7 @@ class PathStage:
         """
         linear = to_linear(grey, self._reference.gamma)
         fit = self._estimator.estimate(linear, matches, SHARP_ROWS if sharp else None)
-        return PathFrame(self._reference, live, grey, fit, self._executor)
+        return self.frame_class(self._reference, live, grey, fit, self._executor)
 
     def following(
         self, live: np.ndarray, grey: np.ndarray, matches: StripMatches, memory: StreamMemory
@@ -273,14 +283,14 @@ class PathStage:
         """Register the next frame of a stream, see `frame`."""
         linear = to_linear(grey, self._reference.gamma)
         fit = self._estimator.follow(linear, matches, memory)
-        return PathFrame(self._reference, live, grey, fit, self._executor)
+        return self.frame_class(self._reference, live, grey, fit, self._executor)
 
     def refined(self, frame: RegisteredFrame, foreground: np.ndarray) -> RegisteredFrame:
         """Register a frame again without its `foreground` (M, N) bool."""
         assert isinstance(frame, PathFrame)
         linear = to_linear(frame.grey, self._reference.gamma)
         fit = self._estimator.refine(linear, frame.fit, foreground)
-        return PathFrame(self._reference, frame.live, frame.grey, fit, self._executor)
+        return self.frame_class(self._reference, frame.live, frame.grey, fit, self._executor)
 
 
 @dataclass(frozen=True)

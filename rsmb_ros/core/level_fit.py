@@ -201,9 +201,10 @@ class _Linearised:
         of, path, points = self._of, fit.path, self._of._points
         return (
             self._fine.ravel(), of._level.softer.ravel(), *self._fine.shape,
-            points.rows, self._times, self._samples, points.columns, points.values, path.control,
-            path.first_time, path.knot_rows, path.exposure_rows, softened, of._grid.focal_px,
-            of._grid.center, of._level.factor, of._dof,
+            points.rows, self._times, self._samples, points.columns, points.values,
+            points.inverse_depth, path.control, path.first_time, path.knot_rows,
+            path.exposure_rows, softened, of._grid.focal_px, of._grid.center, of._level.factor,
+            of._dof,
             np.append(fit.light.gain, fit.light.bias), of._config.camera.gamma,
             fit.sigma, misplaced, tukey,
         )  # fmt: skip

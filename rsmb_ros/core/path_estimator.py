@@ -40,6 +40,7 @@ class PathEstimator:
     ) -> None:
         """Prepare the sizes of `reference`."""
         self._grid = grid
+        self._depth = reference.depth
         self._config = config
         self._executor = executor
         count = level_count(grid)
@@ -136,6 +137,8 @@ class PathEstimator:
     def _fit_level(
         self, n: int, points: Points, fit: PathFit, free_exposure: bool, most: int | None = None
     ) -> PathFit:
+        if self._depth is not None:
+            points = points.on(self._depth, fit.path, n)
         level = LevelFit(self._levels[n], points, self._grid, self._config, self._executor)
         return level.run(fit, free_exposure, most)
 

@@ -6,12 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ._kernels.depth import point_depths
 from ._kernels.fit_row import strongest_gradients
+from .depth_map import EDGE_STEP, DepthMap
+from .motion import CameraPath
 
 ROW_STEP = 4  # rows between rows of points, at full size
 BIN_WIDTH = 7  # px per point at full size, about
 LANES = 32  # points per row are a multiple of it: vectorised sums leave no remainder
 SWITCHED_OFF = -1.0  # display value of a point that must not count
+EDGE = 2  # px of the level around an edge of the depth, in which no points count
+DEPTH_STEP = 2.0  # px of the level between the instants a point's depth is looked up at
 
 
 @dataclass(frozen=True)
@@ -21,11 +26,37 @@ class Points:
     rows: np.ndarray  # (R,)
     columns: np.ndarray  # (R, P)
     values: np.ndarray  # (R, P) display values
+    inverse_depth: np.ndarray | None = None  # (R, P) float32, 1/d; None: all on the background
 
     def without(self, mask: np.ndarray) -> Points:
         """Return the points with those on a mask (M, N) bool of this level switched off."""
         off = mask[self.rows[:, None], self.columns]
         return replace(self, values=np.where(off, np.float32(SWITCHED_OFF), self.values))
+
+    def on(self, depth: DepthMap, path: CameraPath, n: int) -> Points:
+        """
+        Return the points of pyramid level `n` at the depths that `path` lets them see.
+
+        Those that see an edge of the depth, or what lies behind it, are switched off.
+        """
+        factor = 2.0**n
+        radius = round(EDGE * factor) + 1
+        at_full_size = np.clip((self.rows + 0.5) * factor - 0.5, 0, len(path.row_times) - 1)
+        samples = path.samples_per_row(DEPTH_STEP * factor)[at_full_size.astype(int)]
+        inverse = np.zeros(self.values.shape, np.float32)
+        point_depths(
+            0, len(self.rows), self.rows, self.columns, factor,
+            np.interp(at_full_size, np.arange(len(path.row_times)), path.row_times), samples,
+            path.control, path.first_time, path.knot_rows, path.exposure_rows,
+            path.grid.focal_px, path.grid.center, depth.inverse_depths, depth.possible(radius),
+            radius, depth.smooth(radius), EDGE_STEP, inverse,
+        )  # fmt: skip
+        off = inverse == 0.0
+        return replace(
+            self,
+            values=np.where(off, np.float32(SWITCHED_OFF), self.values),
+            inverse_depth=np.where(off, np.float32(1.0), inverse),
+        )
 
 
 def select_points(image: np.ndarray, n: int) -> Points:

@@ -7,6 +7,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from .depth_map import DepthMap
 from .photometric import luma, to_linear
 from .sampling import half_pixel, softened
 
@@ -29,12 +30,15 @@ class Reference:
         Grey or BGR.
     gamma : float
         Tone curve of the camera.
+    depth : DepthMap, optional
+        Where each pixel lies, if it is known.
 
     """
 
-    def __init__(self, image: np.ndarray, gamma: float) -> None:
+    def __init__(self, image: np.ndarray, gamma: float, depth: DepthMap | None = None) -> None:
         self.image = image
         self.gamma = gamma
+        self.depth = depth
 
     @cached_property
     def grey(self) -> np.ndarray:

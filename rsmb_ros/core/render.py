@@ -99,18 +99,38 @@ def rectified(live: np.ndarray, path: CameraPath, executor: Executor) -> np.ndar
     Rolling shutter is undone, blur is not. `live` is (M, N) or (M, N, 3) uint8; pixels that the
     live frame does not show are 0.
     """
+    return at_places(live, shown_at(path, executor), cv2.INTER_CUBIC)
+
+
+def shown_at(
+    path: CameraPath, executor: Executor, surface: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Find where the live frame shows each pixel of the reference, at each row's centroid pose.
+
+    `surface` (M, N) float32 is 1/d of the reference, None: 1 everywhere. Returns columns and rows,
+    float32 on the reference's grid; they may lie outside the frame.
+    """
     rows, cols = path.grid.reference_shape
-    inverses = np.linalg.inv(path.row_homographies()).reshape(-1, 9)
+    background, far = path.row_homographies(), path.row_homographies(np.inf)
+    inverses = np.linalg.inv(background)
+    shifts = np.einsum('nij,nj->ni', inverses, (background - far)[..., 2])
+    inverses = inverses.reshape(-1, 9)
     map_x = np.empty((rows, cols), np.float32)
     map_y = np.empty((rows, cols), np.float32)
 
     def run(chunk: int) -> None:
         live_places(
             chunk * rows // CHUNKS, (chunk + 1) * rows // CHUNKS, inverses, path.grid.center,
-            path.grid.live_shape[0], map_x, map_y,
+            path.grid.live_shape[0], surface, shifts, map_x, map_y,
         )  # fmt: skip
 
     list(executor.map(run, range(CHUNKS)))
-    return cv2.remap(
-        live, map_x, map_y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_CONSTANT, borderValue=0
-    )
+    return map_x, map_y
+
+
+def at_places(
+    image: np.ndarray, places: tuple[np.ndarray, np.ndarray], interpolation: int
+) -> np.ndarray:
+    """Sample an image at columns and rows, 0 outside."""
+    return cv2.remap(image, *places, interpolation, borderMode=cv2.BORDER_CONSTANT, borderValue=0)

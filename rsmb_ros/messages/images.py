@@ -59,6 +59,7 @@ _ENCODINGS = {
 }
 
 KNOWN_ENCODINGS = tuple(_ENCODINGS)
+_DEPTH_ENCODINGS = {'32FC1': _Encoding(1, bits=32), '16UC1': _Encoding(1, bits=16)}
 
 
 def image_from_msg(msg: Any) -> np.ndarray:
@@ -147,8 +148,9 @@ def _values(msg: Any, encoding: _Encoding) -> np.ndarray:
     rows = _stored_rows(msg, encoding)
     stored = np.frombuffer(msg.data, np.uint8, count=rows * msg.step).reshape(rows, msg.step)
     values = stored[:, : msg.width * encoding.channels * encoding.bits // 8]
-    if encoding.bits == 16:
-        values = values.view('>u2' if msg.is_bigendian else '<u2')
+    if encoding.bits > 8:
+        kind = {16: 'u2', 32: 'f4'}[encoding.bits]
+        values = values.view(f'{">" if msg.is_bigendian else "<"}{kind}')
     if encoding.channels > 1:
         values = values.reshape(rows, msg.width, encoding.channels)
     return values
@@ -170,6 +172,36 @@ def _code_of_decoded(pixels: np.ndarray, text: str) -> int | None:
     # A mosaic may travel as a grey PNG: 'bayer_rggb8; png compressed'.
     source = _ENCODINGS.get(text.partition(';')[0].strip())
     return source.code if source and text.startswith('bayer_') else None
+
+
+def depth_from_msg(msg: Any) -> np.ndarray:
+    """
+    Return the relative depth that a depth image tells (REP 118): 32FC1 [m] or 16UC1 [mm].
+
+    Divided by its median, so that the background is 1 where it is what is mostly seen; depth that
+    is relative already may come as 32FC1 as well.
+
+    Returns
+    -------
+    ndarray of shape (M, N), float32
+        NaN where there is no depth: 0, below 0 or not finite.
+
+    Raises
+    ------
+    MalformedMessage
+        If the encoding is another one, the data is too short, or there is no depth at all.
+
+    """
+    encoding = _DEPTH_ENCODINGS.get(msg.encoding)
+    if encoding is None:
+        known = ', '.join(_DEPTH_ENCODINGS)
+        raise MalformedMessage('encoding', f'encoding is {msg.encoding!r}, of depth: {known}')
+    _check_layout(msg, encoding)
+    depth = _values(msg, encoding).astype(np.float32)
+    depth[~(np.isfinite(depth) & (depth > 0.0))] = np.nan
+    if np.isnan(depth).all():
+        raise MalformedMessage('no depth', f'no pixel of {depth.shape} has a depth above 0')
+    return depth / np.float32(np.nanmedian(depth))
 
 
 _END_MARKERS: tuple[tuple[bytes, bytes, str], ...] = (

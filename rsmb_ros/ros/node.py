@@ -20,16 +20,18 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Float32MultiArray, Header, String
 
 from rsmb_ros.core.config import Config
-from rsmb_ros.core.errors import ConfigError
+from rsmb_ros.core.depth_map import checked_depth
+from rsmb_ros.core.errors import ConfigError, FrameError
 from rsmb_ros.core.types import Result
 from rsmb_ros.messages.errors import MalformedMessage
-from rsmb_ros.messages.images import image_from_compressed, image_from_msg
+from rsmb_ros.messages.images import depth_from_msg, image_from_compressed, image_from_msg
 from rsmb_ros.messages.outputs import IMAGE, OUTPUTS, ROWS, TEXT
 from rsmb_ros.messages.stamps import stamp_ns
 
 from . import parameters
 from .factory import RclpyFactory
 from .health import Health
+from .pairing import Pair, Pairing
 from .processing import Processing
 from .worker import Worker
 
@@ -40,7 +42,7 @@ _DIAGNOSTICS_EVERY_S = 1.0
 
 @dataclass(frozen=True)
 class _Frame:
-    """A live image or a reference on its way to the worker."""
+    """A live image on its way to the worker."""
 
     image: np.ndarray  # (M, N) or (M, N, 3) uint8 BGR
     header: Header
@@ -65,10 +67,10 @@ class RsmbNode(Node):
         self._processing = Processing(config, log=self.get_logger().warning)
         self._health = Health()
         self._factory = RclpyFactory()
-        self._last_reference: np.ndarray | None = None
-        self._worker: Worker[_Frame] = Worker(
+        self._pairing = Pairing()
+        self._worker: Worker[_Frame, Pair] = Worker(
             prepare=self._prepare,
-            on_reference=lambda frame: self._processing.set_reference(frame.image),
+            on_reference=lambda pair: self._processing.set_reference(pair.image, pair.depth),
             on_frame=self._process,
             on_error=self._on_error,
         )
@@ -79,7 +81,7 @@ class RsmbNode(Node):
     def start(self) -> None:
         """Start the worker and say what the node waits for."""
         self._worker.start()
-        reference, image, _ = (s.topic_name for s in self._inputs)
+        reference, _, image, _ = (s.topic_name for s in self._inputs)
         self.get_logger().info(f'ready: waiting for a reference on {reference}, frames on {image}')
 
     def stop(self, timeout_s: float) -> bool:
@@ -113,11 +115,14 @@ class RsmbNode(Node):
         # As image_transport does: a remap of `image` moves `image/compressed` too.
         image = self.resolve_topic_name('image') + suffix
         reference = self.resolve_topic_name('reference/image') + suffix
+        depth = self.resolve_topic_name('reference/depth')
         # A volatile publisher matches only a volatile reader, and a latched image that was sent
         # before we started reaches only a transient-local one.
         self._subscription(message_class, reference, self._on_reference, 'latched')
+        self._subscription(Image, depth, self._on_depth, 'latched')
         self._inputs = [
             self._subscription(message_class, reference, self._on_reference, 'volatile'),
+            self._subscription(Image, depth, self._on_depth, 'volatile'),
             self._subscription(message_class, image, self._on_image),
             self._subscription(CameraInfo, 'camera_info', self._on_camera_info),
         ]
@@ -173,10 +178,27 @@ class RsmbNode(Node):
             return
         # A latched publisher reaches both subscriptions, and some repeat their image for ever:
         # an equal reference changes nothing.
-        if self._last_reference is None or not np.array_equal(frame.image, self._last_reference):
-            self._last_reference = frame.image
+        pair = self._pairing.image(frame.image, frame.stamp_ns)
+        if pair is not None:
             self._health.reference_received()
-            self._worker.submit_reference(frame)
+            self._worker.submit_reference(pair)
+
+    def _on_depth(self, msg: Image) -> None:
+        try:
+            depth = depth_from_msg(msg)
+            pair = self._pairing.depth(
+                checked_depth(depth, depth.shape), stamp_ns(msg.header.stamp)
+            )
+        except FrameError as error:
+            self._health.malformed(getattr(error, 'cause', 'depth'))
+            self.get_logger().warning(f'depth skipped: {error}', throttle_duration_sec=_LOG_EVERY_S)
+            return
+        if pair is not None:
+            self._worker.submit_reference(pair)
+        elif waiting := self._pairing.waiting():
+            self.get_logger().info(
+                f'depth waits for its reference: {waiting}', throttle_duration_sec=_LOG_EVERY_S
+            )
 
     def _frame(self, msg: Any) -> _Frame:
         arrived_s = time.monotonic()

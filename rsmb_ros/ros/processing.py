@@ -27,6 +27,8 @@ class Processing:
         self.info_focal_px: float | None = None  # from camera_info; likewise
         self._log = log
         self._reference: np.ndarray | None = None
+        self._depth: np.ndarray | None = None
+        self._depth_compiled = False
         self._detector: Detector | None = None
         self._built_with: tuple[Config, float | None] | None = None
         self._guess_logged = False
@@ -35,9 +37,16 @@ class Processing:
         """Compile the kernels."""
         warm_up(self.config)
 
-    def set_reference(self, image: np.ndarray) -> None:
-        """Take a new reference, (M, N) or (M, N, 3) uint8, and do what is needed only once."""
-        self._reference = image
+    def set_reference(self, image: np.ndarray, depth: np.ndarray | None = None) -> None:
+        """
+        Take a new reference, (M, N) or (M, N, 3) uint8, and do what is needed only once.
+
+        `depth` is its relative depth (M, N) float32, where that is known.
+        """
+        if depth is not None and not self._depth_compiled:
+            warm_up(self.config, depth=True)
+            self._depth_compiled = True
+        self._reference, self._depth = image, depth
         self._detector = None
         self._current_detector(image)
 
@@ -54,7 +63,7 @@ class Processing:
         if self._detector is None or self._built_with != wanted:
             config, focal_px = wanted
             camera = None if focal_px is None else Camera(focal_px)
-            self._detector = Detector(reference, camera=camera, config=config)
+            self._detector = Detector(reference, camera=camera, config=config, depth=self._depth)
             self._built_with = wanted
         return self._detector
 

@@ -10,6 +10,7 @@ from functools import partial
 from typing import Generic, TypeVar
 
 T = TypeVar('T')
+R = TypeVar('R')
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class Counts:
     failed: int = 0  # the handler raised
 
 
-class Worker(Generic[T]):
+class Worker(Generic[T, R]):
     """
     A mailbox with one slot for a live frame and one for a reference, and the thread on it.
 
@@ -43,7 +44,7 @@ class Worker(Generic[T]):
     def __init__(
         self,
         prepare: Callable[[], None],
-        on_reference: Callable[[T], None],
+        on_reference: Callable[[R], None],
         on_frame: Callable[[T], bool],
         on_error: Callable[[Exception], None],
     ) -> None:
@@ -52,7 +53,7 @@ class Worker(Generic[T]):
         self._on_frame = on_frame
         self._on_error = on_error
         self._wake = threading.Condition()
-        self._references: deque[T] = deque(maxlen=1)
+        self._references: deque[R] = deque(maxlen=1)
         self._frames: deque[T] = deque(maxlen=1)
         self._stopping = False
         self._counts = Counts()
@@ -73,7 +74,7 @@ class Worker(Generic[T]):
         """Whether `stop` was called: what a long handler still produces is not wanted any more."""
         return self._stopping
 
-    def submit_reference(self, reference: T) -> None:
+    def submit_reference(self, reference: R) -> None:
         """Leave a reference; replaces one that waits."""
         with self._wake:
             self._references.append(reference)
@@ -117,7 +118,7 @@ class Worker(Generic[T]):
                 return partial(self._handle_reference, self._references.pop())
             return partial(self._handle_frame, self._frames.pop())
 
-    def _handle_reference(self, reference: T) -> None:
+    def _handle_reference(self, reference: R) -> None:
         try:
             self._on_reference(reference)
         except Exception as error:

@@ -10,7 +10,7 @@ import pytest
 
 from rsmb_ros.core._kernels import fit, fit_row, geometry, render, synthesis
 from rsmb_ros.core.motion import homographies
-from rsmb_ros.core.render import blurred
+from rsmb_ros.core.render import blurred, shown_at
 from rsmb_ros.core.sampling import HALF_PIXELS, half_pixel, softened
 
 pytestmark = pytest.mark.oracle
@@ -75,7 +75,7 @@ def test_strongest_gradients_are_found(texture_of):
 class _Points:
     """A few points of a small frame and their normal equations."""
 
-    def __init__(self, path, texture_of, dof):
+    def __init__(self, path, texture_of, dof, depths=None):
         self.path, self.dof = path, dof
         self.fine = half_pixel(texture_of(44, 52, 5).astype(np.float32))
         self.softer = softened(self.fine, HALF_PIXELS)
@@ -84,6 +84,11 @@ class _Points:
         self.columns = np.sort(rng.integers(6, 42, (4, 5)), axis=1)
         self.values = rng.uniform(80, 170, (4, 5)).astype(np.float32)
         self.count = 5
+        self.depths = np.ones((4, 5))
+        self.inverse_depth = None
+        if depths is not None:
+            self.depths = rng.uniform(*depths, (4, 5))
+            self.inverse_depth = (1 / self.depths).astype(np.float32)
 
     def linearise(self, light=LIGHT, sigma=50.0, tukey=False, misplaced=0.0, softened=0.0):
         """Normal matrix, gradient, residuals; keeps what `corrected` needs."""
@@ -111,31 +116,37 @@ class _Points:
         return (
             self.fine.ravel(), self.softer.ravel(), *self.fine.shape, self.rows,
             self.path.row_times[self.rows], np.full(4, self.count), self.columns,
-            self.values, self.path.control, self.path.first_time, self.path.knot_rows,
-            self.path.exposure_rows, softened, self.path.grid.focal_px, self.path.grid.center,
-            1.0, self.dof, light, GAMMA, sigma, misplaced, tukey,
+            self.values, self.inverse_depth, self.path.control, self.path.first_time,
+            self.path.knot_rows, self.path.exposure_rows, softened, self.path.grid.focal_px,
+            self.path.grid.center, 1.0, self.dof, light, GAMMA, sigma, misplaced, tukey,
         )  # fmt: skip
 
     def literal_residuals(self, light=LIGHT, softened=0.0):
         fine = self.fine + softened * self.softer
         found = [
-            naive.point_residual(fine, self.path, row, column, value, self.count, light, GAMMA)
-            for row, columns, values in zip(self.rows, self.columns, self.values, strict=True)
-            for column, value in zip(columns, values, strict=True)
+            naive.point_residual(
+                fine, self.path, row, column, value, self.count, light, GAMMA, depth
+            )
+            for row, columns, values, depths in zip(
+                self.rows, self.columns, self.values, self.depths, strict=True
+            )
+            for column, value, depth in zip(columns, values, depths, strict=True)
         ]
         return np.array([1e9 if r is None else r for r in found]).reshape(self.values.shape)
 
 
-def test_residuals_of_the_fit_are_those_of_the_image_model(bent_path, texture_of):
-    points = _Points(bent_path, texture_of, 6)
+@pytest.mark.parametrize('depths', [None, (0.5, 0.8)])
+def test_residuals_of_the_fit_are_those_of_the_image_model(bent_path, texture_of, depths):
+    points = _Points(bent_path, texture_of, 6, depths)
     _, _, residuals = points.linearise()
     np.testing.assert_allclose(residuals, points.literal_residuals(), rtol=1e-4, atol=5e-3)
 
 
+@pytest.mark.parametrize('depths', [None, (0.5, 0.8)])
 @pytest.mark.parametrize('dof', [2, 4, 6])
-def test_gradient_of_the_fit_is_the_slope_of_its_cost(bent_path, texture_of, dof):
+def test_gradient_of_the_fit_is_the_slope_of_its_cost(bent_path, texture_of, dof, depths):
     """With equal weights J^T r is minus half the slope of sum r^2, unknown by unknown."""
-    points = _Points(bent_path, texture_of, dof)
+    points = _Points(bent_path, texture_of, dof, depths)
     # a smooth reference and a huge sigma: every weight is 1, every slope well defined
     _, gradient, residuals = points.linearise(sigma=1e6)
     assert np.all(residuals < 1e8)
@@ -161,13 +172,35 @@ def test_gradient_of_the_fit_is_the_slope_of_its_cost(bent_path, texture_of, dof
     checks.append((extra + 6, cost(defocus=step)))
     slopes = np.array([-(moved - base) / (2 * step) for _, moved in checks])
     found = gradient[[index for index, _ in checks]]
-    # tilts and turns use the derivative at a small angle: a few per cent of the largest slope
-    np.testing.assert_allclose(found, slopes, atol=0.06 * np.abs(slopes).max(), rtol=0.06)
+    # tilts and turns use the derivative at a small angle: a few per cent of the largest slope,
+    # of unknowns of one kind: those of the light are a hundred times the others
+    path, light, blur = slice(0, 3 * dof), slice(3 * dof, 3 * dof + 5), slice(3 * dof + 5, None)
+    for kind in (path, light, blur) if dof == 6 else (path, light):  # all of the speed blurs
+        limit = 0.04 * np.abs(slopes[kind]).max()
+        np.testing.assert_allclose(found[kind], slopes[kind], atol=limit, rtol=0.04)
 
 
-def test_correction_is_what_linearising_again_would_say(bent_path, texture_of):
+def test_layers_turn_around_where_their_own_centre_went(bent_path, texture_of):
+    path = replace(bent_path, control=bent_path.control + np.array([10.0, 8.0, 0, 0, 0, 0]))
+    points = _Points(path, texture_of, 3, (0.5, 0.6))
+    points.columns = np.sort(np.random.default_rng(7).integers(2, 14, (4, 5)), axis=1)
+    points.rows = np.array([4, 6, 9, 11])
+    _, gradient, residuals = points.linearise(sigma=1e6)
+    assert np.all(residuals < 1e8)
+    base = (points.literal_residuals() ** 2).sum()
+    slopes = []
+    for knot in (1, 2, 3):
+        points.path = replace(path, control=path.control.copy())
+        points.path.control[knot, 2] += 1e-3
+        slopes.append(-((points.literal_residuals() ** 2).sum() - base) / 2e-3)
+    found = gradient[[3 * knot + 2 for knot in (1, 2, 3)]]
+    np.testing.assert_allclose(found, slopes, atol=0.05 * np.abs(slopes).max())
+
+
+@pytest.mark.parametrize('depths', [None, (0.5, 0.8)])
+def test_correction_is_what_linearising_again_would_say(bent_path, texture_of, depths):
     """Same place, same residuals and gradient; elsewhere new residuals on the old Jacobians."""
-    points = _Points(bent_path, texture_of, 4)
+    points = _Points(bent_path, texture_of, 4, depths)
     points.values[0, 2] = -1.0  # switched off
     options = {'sigma': 5.0, 'misplaced': 0.3, 'softened': 0.4}
     _, gradient, residuals = points.linearise(**options)
@@ -218,11 +251,25 @@ def test_live_places_invert_the_row_homographies(bent_path):
     found = homographies(bent_path.row_centroids(), bent_path.grid)
     inverses = np.linalg.inv(found).reshape(-1, 9)
     map_x, map_y = np.zeros((44, 52), np.float32), np.zeros((44, 52), np.float32)
-    render.live_places(0, 44, inverses, bent_path.grid.center, 40, map_x, map_y)
+    shifts = np.zeros((40, 3))
+    render.live_places(0, 44, inverses, bent_path.grid.center, 40, None, shifts, map_x, map_y)
     for u, v in ((12, 10), (25, 22), (40, 30), (20, 35)):
         gap, x, y = naive.live_place(found, u, v, bent_path.grid.center)
         assert gap < 0.6  # the nearest whole row
         # between whole rows the camera moves on: the motion of half a row
+        assert np.hypot(map_x[v, u] - x, map_y[v, u] - y) < 0.6
+
+
+def test_live_places_of_layers_invert_their_own_homographies(bent_path, executor):
+    depth = np.where(np.arange(52) < 26, 0.8, 1.25)
+    surface = np.tile((1 / depth).astype(np.float32), (44, 1))
+    # steeper in the rows than what a pixel is: the nearest whole row must be near
+    path = replace(bent_path, control=bent_path.control + np.array([5.0, -4.0, 0, 0, 0, 0]))
+    map_x, map_y = shown_at(path, executor, surface)
+    for u, v in ((12, 10), (22, 22), (30, 30), (40, 35)):
+        found = homographies(path.row_centroids(), path.grid, depth[u])
+        gap, x, y = naive.live_place(found, u, v, path.grid.center)
+        assert gap < 0.6  # the nearest whole row
         assert np.hypot(map_x[v, u] - x, map_y[v, u] - y) < 0.6
 
 

@@ -154,6 +154,7 @@ class Peer:
         self.compressed = self.node.create_publisher(CompressedImage, 'image/compressed', 1)
         self.camera_info = self.node.create_publisher(CameraInfo, 'camera_info', 1)
         self.reference = self.node.create_publisher(Image, 'reference/image', 1)
+        self.depth = self.node.create_publisher(Image, 'reference/depth', 1)
         self.latched_reference = self.node.create_publisher(Image, 'reference/image', latched)
 
     def message(self, array, stamp_ns=0, frame_id=''):

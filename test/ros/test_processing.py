@@ -18,10 +18,12 @@ def built(monkeypatch):
     built = []
 
     class Recorder:
-        def __init__(self, reference, camera, config):
+        def __init__(self, reference, camera, config, depth):
             if reference.shape[0] < 32:
                 raise FrameError('too small')
-            built.append(SimpleNamespace(reference=reference, camera=camera, config=config))
+            built.append(
+                SimpleNamespace(reference=reference, camera=camera, config=config, depth=depth)
+            )
             self.camera = camera
 
         def camera_for(self, width):
@@ -71,6 +73,19 @@ def test_camera_info_is_taken_up_with_the_next_frame(process, built, log):
     process.detect(IMAGE)
     assert [entry.camera for entry in built] == [None, Camera(500.0)]
     assert log == []
+
+
+def test_depth_belongs_to_the_reference_it_came_with(process, built, monkeypatch):
+    compiled = []
+    monkeypatch.setattr(processing, 'warm_up', lambda config, depth: compiled.append(depth))
+    depth = np.ones(IMAGE.shape, np.float32)
+    process.set_reference(IMAGE, depth)
+    process.config = Config().replaced({'shutter.exposure_rows': 40.0})
+    process.detect(IMAGE)
+    process.set_reference(IMAGE)
+    process.set_reference(IMAGE, depth)
+    assert [entry.depth is depth for entry in built] == [True, True, False, True]
+    assert compiled == [True], 'its kernels are compiled once, before a frame waits for them'
 
 
 def test_guessed_focal_length_is_logged_once(process, log):

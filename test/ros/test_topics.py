@@ -190,6 +190,33 @@ def test_useless_camera_info_is_said_and_ignored(rig):
     assert ask(rig, rig.scene.live, names=['change_mask'])
 
 
+def test_depth_of_the_reference_is_used_where_it_is_known(rig):
+    """Half of the reference has a depth: what is in the other half is not judged."""
+    stamp_ns = next(rig.stamps)
+    metres = np.full(rig.scene.shape, 50.0, np.float32)
+    metres[:, 80:] = np.nan
+    # a reference of its own: with another stamp an equal one would stay what it is
+    image = rig.scene.reference.copy()
+    image[0, 0] ^= 1
+
+    def give():
+        rig.peer.reference.publish(rig.peer.message(image, stamp_ns))
+        rig.peer.depth.publish(rig.peer.message(metres, stamp_ns))
+
+    def judged():
+        msg = ask(rig, rig.scene.unchanged, names=['valid_mask'])['valid_mask']
+        return image_from_msg(msg) > 0
+
+    try:
+        rig.peer.wait_until(
+            lambda: not judged()[:, 90:].any(), ANSWER_S, 'frame judged by depth', repeat=give
+        )
+        assert judged()[8:-8, 8:60].mean() > 0.9
+    finally:
+        rig.peer.give_reference(rig.scene.reference)
+    assert judged()[8:-8, 90:-12].mean() > 0.9, 'the depth went with its reference'
+
+
 def test_reference_of_another_size_replaces_the_old_one(rig):
     crop = rig.scene.reference[:100, :140]
     rig.peer.give_reference(np.repeat(crop[:, :, None], 3, axis=2))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from .depth import deepen_columns, parallax
 from .fit_row import (
     EXTRA,
     add_row,
@@ -37,8 +38,8 @@ def instant(time, control, first_time, knot_rows, b, q):
 @njit(**OPTIONS)
 def linearise(
     first, last, fine, softer, half_rows, half_columns, rows, times, samples, columns, values,
-    control, first_time, knot_rows, exposure, softened, focal, center, level, dof, light, gamma,
-    sigma, misplaced, tukey, normal, gradient, residuals, jacobians, knots_of, edges,
+    inverse_depth, control, first_time, knot_rows, exposure, softened, focal, center, level, dof,
+    light, gamma, sigma, misplaced, tukey, normal, gradient, residuals, jacobians, knots_of, edges,
 ):
     """
     Add the points of rows[first:last] to the normal equations of Eq. 1 and 6.
@@ -46,7 +47,8 @@ def linearise(
     `softer` is what defocus by 1 px^2 adds to `fine`, `softened` how much of it [px^2].
     `misplaced` [px] is how far an edge may be from its place for reasons that are not the camera.
     Residuals are in display grey levels: live - display(gain * mean over the exposure + bias).
-    Points with a negative value are switched off. `residuals` gets 1e9 where a point is off or has
+    Points with a negative value are switched off; they lie at `inverse_depth` (R, P), None: all on
+    the background. `residuals` gets 1e9 where a point is off or has
     no reference. `jacobians`, `knots_of` (first knot and unknowns of a row) and `edges` keep
     what `correct` needs.
     """
@@ -73,6 +75,8 @@ def linearise(
     gain = np.empty(points, np.float32)
     slope = np.empty(points, np.float32)
     h = np.empty(9)
+    far = np.empty(9)
+    nearer = np.empty(3)
     q = np.zeros(6)
     speed = np.zeros(6)
     b = np.empty(4)
@@ -113,9 +117,11 @@ def linearise(
                     + slopes[3] * control[j + 3, e]
                 ) / knot_rows
             homography(q, focal, half_width, 1.0, h)
+            if inverse_depth is not None:
+                parallax(q, focal, half_width, h, far, nearer)
             place_row(
                 half_rows, half_columns, columns[r], h, rows[r], level, center, at, f_u, f_v, u,
-                v, inside,
+                v, inside, inverse_depth, r, nearer,
             )
             read_row(fine, half_columns, at, f_u, f_v, scale, value, g_x, g_y)
             add_values(softer, half_columns, at, f_u, f_v, share, mean_soft)
@@ -132,6 +138,8 @@ def linearise(
                 column[3, p] = radial
                 column[4, p] = radial * u_n
                 column[5, p] = radial * v_n
+            if inverse_depth is not None:
+                deepen_columns(inverse_depth[r], h, nearer, focal, half_width, g_x, g_y, column)
             for e in range(dof):
                 pace = np.float32(speed[e] * offset) * share
                 for p in range(points):
@@ -165,8 +173,8 @@ def linearise(
 @njit(**OPTIONS)
 def correct(
     first, last, fine, softer, half_rows, half_columns, rows, times, samples, columns, values,
-    control, first_time, knot_rows, exposure, softened, focal, center, level, dof, light, gamma,
-    sigma, misplaced, tukey, gradient, residuals, jacobians, knots_of, edges,
+    inverse_depth, control, first_time, knot_rows, exposure, softened, focal, center, level, dof,
+    light, gamma, sigma, misplaced, tukey, gradient, residuals, jacobians, knots_of, edges,
 ):
     """Write residuals and their gradient on the Jacobians of the last `linearise`."""
     points = columns.shape[1]
@@ -183,6 +191,8 @@ def correct(
     gain = np.empty(points, np.float32)
     slope = np.empty(points, np.float32)
     h = np.empty(9)
+    far = np.empty(9)
+    nearer = np.empty(3)
     q = np.zeros(6)
     b = np.empty(4)
     for r in range(first, last):
@@ -195,9 +205,11 @@ def correct(
             offset = instant_offset(k, count)
             instant(times[r] + offset * exposure, control, first_time, knot_rows, b, q)
             homography(q, focal, half_width, 1.0, h)
+            if inverse_depth is not None:
+                parallax(q, focal, half_width, h, far, nearer)
             place_row(
                 half_rows, half_columns, columns[r], h, rows[r], level, center, at, f_u, f_v, u,
-                v, inside,
+                v, inside, inverse_depth, r, nearer,
             )
             add_values(fine, half_columns, at, f_u, f_v, share, mean)
             if softened != 0.0:

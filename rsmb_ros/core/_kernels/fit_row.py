@@ -40,12 +40,14 @@ def strongest_gradients(image, rows, columns, values):
 
 @njit(**OPTIONS)
 def place_row(
-    half_rows, half_columns, columns, h, row, level, center, at, f_u, f_v, u_out, v_out, inside
+    half_rows, half_columns, columns, h, row, level, center, at, f_u, f_v, u_out, v_out, inside,
+    inverse_depth, r, nearer,
 ):
     """
     Find where one instant puts the points of one row in the half-pixel reference.
 
-    Writes the cell, the fractions in it and the place relative to the moved centre [px].
+    Writes the cell, the fractions in it and the place relative to the moved centre [px]. Points
+    lie at `inverse_depth[r]`, see `depth.parallax`; None: all at 1, and compiled without.
     """
     scale = 2.0 / level
     shift = 1.0 / level - 1.0
@@ -59,9 +61,15 @@ def place_row(
     v_limit = half_rows - 2.001
     for p in range(columns.size):
         x = (columns[p] + 0.5) * level - 0.5 - center[0]
-        w = 1.0 / (c0 + h[6] * x)
-        u = (a0 + h[0] * x) * w
-        v = (b0 + h[3] * x) * w
+        if inverse_depth is None:
+            w = 1.0 / (c0 + h[6] * x)
+            u = (a0 + h[0] * x) * w
+            v = (b0 + h[3] * x) * w
+        else:
+            excess = inverse_depth[r, p] - 1.0
+            w = 1.0 / (c0 + h[6] * x + excess * nearer[2])
+            u = (a0 + h[0] * x + excess * nearer[0]) * w
+            v = (b0 + h[3] * x + excess * nearer[1]) * w
         fine_u = (u + center[2]) * scale + shift
         fine_v = (v + center[3]) * scale + shift
         # without branches, so that the loop is vectorised

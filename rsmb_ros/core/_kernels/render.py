@@ -162,12 +162,14 @@ def blur_rows(
 
 
 @njit(**OPTIONS)
-def live_places(first, last, inverses, center, rows, map_x, map_y):
+def live_places(first, last, inverses, center, rows, surface, shifts, map_x, map_y):
     """
     Write, for reference pixels of rows first..last, where the live frame shows them.
 
     `inverses` (M, 9) holds the inverse homography of each live row's centroid pose. The row is
-    found by fixed-point iteration between whole rows; places may lie outside the frame.
+    found by fixed-point iteration between whole rows; places may lie outside the frame. `surface`
+    (M, N) is 1/d of the reference, None: 1 everywhere; `shifts` (M, 3) the inverses times the
+    slope of the homographies over 1/d, `depth.parallax`.
     """
     for v in range(first, last):
         vc = v - center[3]
@@ -185,8 +187,17 @@ def live_places(first, last, inverses, center, rows, map_x, map_y):
                 w1 = 1.0 / (n[6] * uc + n[7] * vc + n[8])
                 x0 = (g[0] * uc + g[1] * vc + g[2]) * w
                 y0 = (g[3] * uc + g[4] * vc + g[5]) * w
-                x = x0 + part * ((n[0] * uc + n[1] * vc + n[2]) * w1 - x0)
-                new = y0 + part * ((n[3] * uc + n[4] * vc + n[5]) * w1 - y0) + center[1]
+                x1 = (n[0] * uc + n[1] * vc + n[2]) * w1
+                y1 = (n[3] * uc + n[4] * vc + n[5]) * w1
+                if surface is not None:
+                    # (x, y, 1) = l G (u, v, 1) - e G s, with l such that the last is 1
+                    excess = surface[v, u] - 1.0
+                    x0 += excess * (shifts[i, 2] * x0 - shifts[i, 0])
+                    y0 += excess * (shifts[i, 2] * y0 - shifts[i, 1])
+                    x1 += excess * (shifts[i + 1, 2] * x1 - shifts[i + 1, 0])
+                    y1 += excess * (shifts[i + 1, 2] * y1 - shifts[i + 1, 1])
+                x = x0 + part * (x1 - x0)
+                new = y0 + part * (y1 - y0) + center[1]
                 done = abs(new - y) < 1e-3
                 y = new
                 if done:

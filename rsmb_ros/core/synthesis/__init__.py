@@ -7,6 +7,7 @@ camera adds, and the tone curve.
 """
 
 from .aerial import SUBURB, Style, aerial_scene
+from .depth import reference_depth
 from .flight import HOVER, FlightPlan, SyntheticFlight, SyntheticFrame, placed_objects, with_shadows
 from .frame import (
     CHANGED,
@@ -46,6 +47,7 @@ __all__ = [
     'aerial_scene',
     'live_frame',
     'placed_objects',
+    'reference_depth',
     'reference_image',
     'with_shadows',
 ]

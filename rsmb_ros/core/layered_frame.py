@@ -1,0 +1,64 @@
+"""Live frames of a reference whose depth is known: all layers registered and rendered at once."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import cv2
+import numpy as np
+
+from .composite import Composition
+from .depth_map import EDGE_STEP
+from .frame import PathFrame, PathStage
+from .photometric import to_display
+from .render import Window, at_places, shown_at
+
+KNOWN = 0.98  # share of a pixel's exposure that the reference must know for it to be judged
+
+
+class LayeredFrame(PathFrame):
+    """
+    A live frame registered by one camera path to layers at known depths (Eq. 5).
+
+    What the reference cannot know, behind a nearer layer or of unknown depth, is not judged.
+    """
+
+    @cached_property
+    def _scene(self) -> Composition:
+        assert self._reference.depth is not None
+        return Composition(self._reference.depth, self.path, self._executor)
+
+    def predict(self) -> tuple[np.ndarray, np.ndarray]:
+        """Display values of the whole live frame as the reference knows it, and where they hold."""
+        seen = self._scene.render(self._fine)
+        light = seen.image * self._gain_field + np.float32(self.fit.light.bias)
+        self._known = seen.known
+        complete = (seen.sure > KNOWN) & ~self._scene.unknown()
+        return to_display(light, self._reference.gamma), complete
+
+    @property
+    def shown(self) -> np.ndarray:
+        """Where the reference shows anything of what the live frame sees (M, N) bool."""
+        return self._known > 0.0
+
+    def rectified(self) -> np.ndarray:
+        """Return the live image in the geometry of the reference, 0 where something hides it."""
+        depth = self._reference.depth
+        assert depth is not None
+        places = shown_at(self.path, self._executor, depth.surface)
+        image = at_places(self.live, places, cv2.INTER_CUBIC)
+        seen = self._scene.render(np.repeat(np.repeat(depth.surface, 2, axis=0), 2, axis=1)).image
+        image[at_places(seen, places, cv2.INTER_LINEAR) > depth.surface + EDGE_STEP] = 0
+        return image
+
+    def _seen(self, fine: np.ndarray, box: tuple[int, int, int, int]) -> tuple[Window, np.ndarray]:
+        return Window(0, self.grey.shape[0], 0, self.grey.shape[1]), self._scene.render(fine).image
+
+    def _composited(self, fine: np.ndarray) -> np.ndarray:
+        return self._scene.render(fine).image
+
+
+class LayeredStage(PathStage):
+    """Registers live frames of one size to one reference of known depth."""
+
+    frame_class = LayeredFrame
