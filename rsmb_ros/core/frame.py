@@ -16,10 +16,10 @@ from .layers import NO_SHIFT, Front, Layer, fronts
 from .motion import CameraPath, Grid, shifted
 from .path_estimator import PathEstimator
 from .path_fit import PathFit, row_uncertainty
-from .photometric import to_display, to_linear
+from .photometric import mixed, to_display, to_linear
 from .reference import Reference, at_limit
 from .render import Window, blurred, rectified
-from .sampling import HALF_PIXELS, defocused, softened
+from .sampling import defocused
 from .stream import StreamMemory
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
@@ -209,13 +209,23 @@ class PathFrame(RegisteredFrame):
         """Half-pixel reference as sharp as the live camera's lens shows it, linear light."""
         return defocused(self._reference.fine, self._reference.softer, self.fit.defocus)
 
+    @cached_property
+    def _fine_planes(self) -> list[np.ndarray]:
+        """Each colour's `_fine`; the only one of a grey reference."""
+        planes = zip(self._reference.fine_planes, self._reference.softer_planes, strict=True)
+        return [defocused(fine, softer, self.fit.defocus) for fine, softer in planes]
+
     def render(
         self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
     ) -> tuple[np.ndarray, np.ndarray]:
         """Display values a layer would have in the live frame, and where they hold."""
-        linear, complete = self._blurred(self._fine, depth, window, shift)
-        light = linear * self._gain_field[window.box] + np.float32(self.fit.light.bias)
-        return to_display(light, self._reference.gamma), complete
+        shown = []
+        # colours mix in a blur, each in its own light: grey levels of a mixture are not a mixture
+        for fine in self._fine_planes:
+            linear, complete = self._blurred(fine, depth, window, shift)
+            light = linear * self._gain_field[window.box] + np.float32(self.fit.light.bias)
+            shown.append(to_display(light, self._reference.gamma))
+        return mixed(shown), complete
 
     def _blurred(
         self,
@@ -232,11 +242,7 @@ class PathFrame(RegisteredFrame):
         if self._reference.image.ndim == 2:
             image = self.predicted * self.shown
         else:
-            defocus = self.fit.defocus
-            planes = [
-                self._composited(defocused(fine, softened(fine, HALF_PIXELS), defocus))
-                for fine in self._reference.fine_planes
-            ]
+            planes = [self._composited(fine) for fine in self._fine_planes]
             image = self.fit.light.apply(np.stack(planes, axis=-1), self._reference.gamma)
             image *= self.shown[..., None]
         return np.rint(image).astype(np.uint8)

@@ -9,7 +9,7 @@ import numpy as np
 
 from .depth_map import DepthMap
 from .photometric import luma, to_linear
-from .sampling import half_pixel, softened
+from .sampling import HALF_PIXELS, half_pixel, softened
 
 CLIPPED = 250  # display value from which on a colour may be anything brighter
 
@@ -83,6 +83,13 @@ class Reference:
     def fine_grey(self) -> np.ndarray:
         """Half-pixel samples of the grey levels, (2M, 2N) float32."""
         return half_pixel(self.grey)
+
+    @cached_property
+    def softer_planes(self) -> tuple[np.ndarray, ...]:
+        """What defocus of 1 px^2 adds to `fine_planes`, (2M, 2N) float32 each."""
+        if self.image.ndim == 2:
+            return (self.softer,)
+        return tuple(softened(fine, HALF_PIXELS) for fine in self.fine_planes)
 
     @cached_property
     def fine_planes(self) -> tuple[np.ndarray, ...]:
