@@ -152,7 +152,13 @@ class ChangeFinder:
         """Find the static objects among the candidates."""
         config = self._config
         search = DepthSearch(
-            frame.grey, seen.noise, frame.render, frame.path, config.layers, config.change
+            frame.grey,
+            seen.noise,
+            frame.render,
+            frame.sketch,
+            frame.path,
+            config.layers,
+            config.change,
         )
         layers = [layer for blob in blobs(seen.mask) if (layer := search.explain(blob, known))]
         rest = seen.mask.copy()

@@ -49,6 +49,7 @@ class DepthSearch:
     live: np.ndarray  # (M, N) float32 display values
     sigma: Callable[[np.ndarray], np.ndarray]  # predicted image -> noise [grey levels]
     render: Render
+    sketch: Render  # the same in grey: quick, and good enough to compare depths by
     path: CameraPath
     config: LayersConfig
     change: ChangeConfig
@@ -189,16 +190,21 @@ class DepthSearch:
         return depth, energy
 
     def _energy(self, depth: float, window: Window, mask: np.ndarray) -> float:
-        z, _ = self._normalised(depth, window)
+        predicted, complete = self.sketch(depth, window, NO_SHIFT)
+        z = self._misfit_of(predicted, complete, window)
         return float(np.minimum(z[mask] ** 2, MAX_Z2).mean())
 
     def _normalised(
         self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
     ) -> tuple[np.ndarray, np.ndarray]:
         predicted, complete = self.render(depth, window, shift)
+        return self._misfit_of(predicted, complete, window), predicted
+
+    def _misfit_of(self, predicted: np.ndarray, complete: np.ndarray, window: Window) -> np.ndarray:
+        """Return the normalised residual of a window's prediction."""
         z = (self.live[window.box] - predicted) / self.sigma(predicted)
         z[~complete] = UNSEEN_Z
-        return z, predicted
+        return z
 
     def _parallax(self, blob: Blob, depth: float) -> float:
         """Pixels that `depth` moves the object's middle row against the background."""

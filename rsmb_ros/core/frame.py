@@ -102,6 +102,12 @@ class RegisteredFrame(ABC):
         """Where the reference shows anything of what the live frame sees (M, N) bool."""
         return self.complete
 
+    def sketch(
+        self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return what `render` does, perhaps less exactly, in the least time."""
+        return self.render(depth, window, shift)
+
     @abstractmethod
     def registered(self) -> np.ndarray:
         """Return the reference as the live camera would have seen it, uint8."""
@@ -222,10 +228,23 @@ class PathFrame(RegisteredFrame):
         shown = []
         # colours mix in a blur, each in its own light: grey levels of a mixture are not a mixture
         for fine in self._fine_planes:
-            linear, complete = self._blurred(fine, depth, window, shift)
-            light = linear * self._gain_field[window.box] + np.float32(self.fit.light.bias)
-            shown.append(to_display(light, self._reference.gamma))
+            plane, complete = self._shown(fine, depth, window, shift)
+            shown.append(plane)
         return mixed(shown), complete
+
+    def sketch(
+        self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return what `render` does, blurred in grey."""
+        return self._shown(self._fine, depth, window, shift)
+
+    def _shown(
+        self, fine: np.ndarray, depth: float, window: Window, shift: tuple[float, float]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Display values of one plane of a layer, and where they hold."""
+        linear, complete = self._blurred(fine, depth, window, shift)
+        light = linear * self._gain_field[window.box] + np.float32(self.fit.light.bias)
+        return to_display(light, self._reference.gamma), complete
 
     def _blurred(
         self,

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -91,6 +92,12 @@ class CameraPath:
 
     def samples_per_row(self, step_px: float, stretch: float = 1.0, most: int = 96) -> np.ndarray:
         """Instants needed per row so that no point moves more than `step_px` in between (M,)."""
+        run = self._runs * stretch
+        return np.clip(np.ceil(run / step_px) + 1, 2, most).astype(np.int64)
+
+    @cached_property
+    def _runs(self) -> np.ndarray:
+        """How far a corner of the frame moves during each row's exposure (M,) [px]."""
         times = np.arange(
             -0.5 * self.exposure_rows, self.grid.live_shape[0] + 0.5 * self.exposure_rows + 4, 4.0
         )
@@ -99,8 +106,7 @@ class CameraPath:
         speed = np.hypot(moves[:, 0], moves[:, 1]) + moves[:, 2:].sum(axis=1) * 0.7
         length = np.concatenate([[0.0], np.cumsum(speed)])
         ends = self.row_times[:, None] + np.array([-0.5, 0.5]) * self.exposure_rows
-        run = np.diff(np.interp(ends, times, length), axis=1)[:, 0] * stretch
-        return np.clip(np.ceil(run / step_px) + 1, 2, most).astype(np.int64)
+        return np.diff(np.interp(ends, times, length), axis=1)[:, 0]
 
     @property
     def offset(self) -> np.ndarray:

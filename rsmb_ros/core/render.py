@@ -67,29 +67,28 @@ def blurred(
     """
     rows, cols = path.grid.live_shape
     window = window or Window(0, rows, 0, cols)
-    image = np.zeros((rows, cols), np.float32)
-    begins, ends = np.zeros(rows, np.int64), np.zeros(rows, np.int64)
+    height, width = window.bottom - window.top, window.right - window.left
+    image = np.empty((height, width), np.float32)
+    begins, ends = np.empty(height, np.int64), np.empty(height, np.int64)
     samples = path.samples_per_row(step_px, stretch=max(1.0, 1.0 / relative_depth))
     times, flat = path.row_times, fine.ravel()
-    height = window.bottom - window.top
 
     def run(chunk: int) -> None:
         blur_rows(
             window.top + chunk * height // CHUNKS, window.top + (chunk + 1) * height // CHUNKS,
-            window.left, window.right, flat, *fine.shape, times, samples, path.control,
+            window.top, window.left, window.right, flat, *fine.shape, times, samples, path.control,
             path.first_time, path.knot_rows, path.exposure_rows, path.grid.focal_px,
             path.grid.center, 1.0 / relative_depth, image, begins, ends,
         )  # fmt: skip
 
-    if height * (window.right - window.left) < SMALL:
+    if height * width < SMALL:
         for chunk in range(CHUNKS):
             run(chunk)
     else:
         list(executor.map(run, range(CHUNKS)))
     column = np.arange(window.left, window.right)
-    inside = slice(window.top, window.bottom)
-    complete = (column >= begins[inside, None]) & (column < ends[inside, None])
-    return image[window.box], complete
+    complete = (column >= begins[:, None]) & (column < ends[:, None])
+    return image, complete
 
 
 def rectified(live: np.ndarray, path: CameraPath, executor: Executor) -> np.ndarray:

@@ -78,13 +78,14 @@ def add_run(fine, at, stride, f_u, s_u, f_v, s_v, share, out, to, count):
 
 @njit(**OPTIONS)
 def blur_rows(
-    first, last, left, right, fine, half_rows, half_columns, times, samples, control, first_time,
-    knot_rows, exposure, focal, center, inverse_depth, out, begins, ends,
+    first, last, top, left, right, fine, half_rows, half_columns, times, samples, control,
+    first_time, knot_rows, exposure, focal, center, inverse_depth, out, begins, ends,
 ):
     """
     Write the mean of the warped reference over each row's exposure (Eq. 1) for one layer.
 
-    Rows first..last, columns left..right of `out`; a row is complete in [begins, ends), 0 outside.
+    Rows first..last, columns left..right of the live frame; `out` begins at row `top` and column
+    `left`. A row is complete in columns [begins, ends) and 0 outside.
     Places are taken linear over pieces so short that they are off by `BENT` px at most.
     """
     h = np.empty(9)
@@ -98,8 +99,8 @@ def blur_rows(
         share = np.float32(1.0 / count)
         lo = left
         hi = right
-        for x in range(left, right):
-            out[i, x] = 0.0
+        for x in range(right - left):
+            out[i - top, x] = 0.0
         y = i - center[1]
         for k in range(count):
             pose_at(
@@ -144,7 +145,7 @@ def blur_rows(
                     run = min(run, (half_columns - 2 - iu) // 2 + 1)
                     add_run(
                         fine, iv * half_columns + iu, half_columns, f_u, s_u, f_v, s_v, share,
-                        flat, i * out.shape[1] + x, run,
+                        flat, (i - top) * out.shape[1] + x - left, run,
                     )
                     x += run
                 begin = end
@@ -153,12 +154,12 @@ def blur_rows(
         if lo >= hi:
             lo = left
             hi = left
-        for x in range(left, lo):
-            out[i, x] = 0.0
-        for x in range(hi, right):
-            out[i, x] = 0.0
-        begins[i] = lo
-        ends[i] = hi
+        for x in range(lo - left):
+            out[i - top, x] = 0.0
+        for x in range(hi - left, right - left):
+            out[i - top, x] = 0.0
+        begins[i - top] = lo
+        ends[i - top] = hi
 
 
 @njit(**OPTIONS)
