@@ -47,7 +47,11 @@ class Grid:
 
 @dataclass(frozen=True)
 class CameraPath:
-    """Cubic B-spline p(t) of the camera; t counts rows in the order they are read, from 0."""
+    """
+    Cubic B-spline p(t) of the camera; t counts rows in the order they are read, from 0.
+
+    What follows from it is worked out once: `control` must not be changed after that.
+    """
 
     grid: Grid
     control: np.ndarray  # (knots, 6) float64 path coordinates [px]

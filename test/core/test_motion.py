@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -61,8 +63,9 @@ def test_bottom_up_readout_reverses_the_rows():
 def test_instants_of_a_row_grow_with_its_path():
     path = still_path(GRID, 24.0, 40.0, 50.0, bottom_up=False)
     still = path.samples_per_row(1.0)
-    path.control[:, 0] = 12.0 * np.arange(len(path.control))  # 0.5 px per row: 20 px of blur
-    moving = path.samples_per_row(1.0)
+    control = path.control.copy()
+    control[:, 0] = 12.0 * np.arange(len(control))  # 0.5 px per row: 20 px of blur
+    moving = replace(path, control=control).samples_per_row(1.0)
     assert np.all(still == 2)
     assert abs(int(np.median(moving)) - 21) <= 1
 
