@@ -31,7 +31,7 @@ REFITS = 3  # at most: where much of a frame is no ground, one is not enough
 LAST_LOOKS = 2  # at most, for static objects that only show when others are explained
 STILL = 0.25  # px; a fit that has moved no row further needs no other
 STATIC_COST = 0.3  # of a pixel that another depth explains against one that nothing does
-LOST = 0.5  # px, standard deviation of the place of a row that is not judged
+LOST = 3.0  # px, standard deviation of the place of a row that is not judged
 DOUBT = 0.15  # share of a row left unexplained, over DOUBT_ROWS rows: the path may be another's
 DOUBT_ROWS = 25  # at 480 rows
 

@@ -18,6 +18,7 @@ TEXTURE_WINDOW = 5  # px
 EVIDENCE_WINDOW = 7  # px
 MISPLACED = 0.12  # px, by which an edge may be off although its surroundings fit
 OUTLINE_WINDOW = 3  # px; where the outline of what is known to be an object is looked for
+PLACE_SHARE = np.float32(2.0)  # standard deviations that a row may lie off: all of it does at once
 MAX_Z2 = 100.0  # one wild pixel must not decide for its neighbourhood
 
 
@@ -92,7 +93,7 @@ class NoiseTable:
         )
         misplaced = np.float32(MISPLACED**2)
         if place is not None:
-            misplaced = misplaced + (place * place)[:, None]
+            misplaced = misplaced + ((PLACE_SHARE * place) ** 2)[:, None]
         return np.sqrt(sigma * sigma + misplaced * energy)
 
 
