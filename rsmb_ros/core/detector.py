@@ -137,6 +137,7 @@ class Detector:
         if problem:
             with clock.step('second start'):
                 found = self._second_start(stage, live, grey, features.match(grey))
+                found = found or self._shaken(stage, frame, matches)
                 frame, problem = (found, '') if found else (frame, problem)
         if problem:
             return self._not_registered(live, problem, clock)
@@ -182,6 +183,13 @@ class Detector:
             if not self._misfit(frame):
                 return frame
         return None
+
+    def _shaken(
+        self, stage: PathStage | RowStage, refused: RegisteredFrame, matches: StripMatches
+    ) -> RegisteredFrame | None:
+        """Register a frame that may shake too much for the first start; None when it does not."""
+        frame = stage.shaken(refused, matches)
+        return None if frame is None or self._misfit(frame) else frame
 
     def _registered(self, finding: Finding, clock: Clock) -> Result:
         frame, seen = finding.frame, finding.seen

@@ -13,18 +13,22 @@ import numpy as np
 from .coarse import StripMatches
 from .config import Config
 from .layers import NO_SHIFT, Front, Layer, fronts
+from .level_fit import SHARP_ROWS
 from .motion import CameraPath, Grid, shifted
 from .path_estimator import PathEstimator
 from .path_fit import PathFit, row_uncertainty
 from .photometric import mixed, to_display, to_linear
 from .reference import Reference, at_limit
 from .render import Window, blurred, rectified
+from .row_refinement import RowRefinement
 from .sampling import defocused
 from .stream import StreamMemory
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
-SHARP_ROWS = 3.0  # exposure of a frame that is taken for sharp [rows]
 CLIPPED_STEP = 3.0  # px between instants where only the place of clipped parts matters
+# Of the misfit of a frame that was refused: denser knots from the start leave 0.3 to 0.6 of it
+# where they are right, 0.98 and more where the frame shows another place or is blurred.
+SHAKEN = 0.75
 CLIPPED_SHARE = 0.03  # of the exposure, from which on clipped parts of the reference matter
 
 
@@ -289,6 +293,9 @@ class PathStage:
         self._reference = reference
         self._executor = executor
         self._estimator = PathEstimator(reference, grid, config, executor)
+        self._rows: RowRefinement | None = None
+        if config.registration.refine_rows:
+            self._rows = RowRefinement(self._estimator, grid, config)
 
     def frame(
         self, live: np.ndarray, grey: np.ndarray, matches: StripMatches, sharp: bool = False
@@ -300,7 +307,17 @@ class PathStage:
         """
         linear = to_linear(grey, self._reference.gamma)
         fit = self._estimator.estimate(linear, matches, SHARP_ROWS if sharp else None)
-        return self.frame_class(self._reference, live, grey, fit, self._executor)
+        return self._framed(live, grey, linear, fit)
+
+    def shaken(self, refused: RegisteredFrame, matches: StripMatches) -> PathFrame | None:
+        """Register a frame whose rows shake too much for the usual knots; None: it does not."""
+        if self._rows is None:
+            return None
+        assert isinstance(refused, PathFrame)
+        linear = to_linear(refused.grey, self._reference.gamma)
+        fit = self._estimator.shaken(linear, matches, self._rows.knot_rows)
+        frame = self._framed(refused.live, refused.grey, linear, fit)
+        return frame if frame.fit.cost < SHAKEN * refused.fit.cost else None
 
     def following(
         self, live: np.ndarray, grey: np.ndarray, matches: StripMatches, memory: StreamMemory
@@ -308,7 +325,7 @@ class PathStage:
         """Register the next frame of a stream, see `frame`."""
         linear = to_linear(grey, self._reference.gamma)
         fit = self._estimator.follow(linear, matches, memory)
-        return self.frame_class(self._reference, live, grey, fit, self._executor)
+        return self._framed(live, grey, linear, fit)
 
     def refined(self, frame: RegisteredFrame, foreground: np.ndarray) -> RegisteredFrame:
         """Register a frame again without its `foreground` (M, N) bool."""
@@ -316,6 +333,19 @@ class PathStage:
         linear = to_linear(frame.grey, self._reference.gamma)
         fit = self._estimator.refine(linear, frame.fit, foreground)
         return self.frame_class(self._reference, frame.live, frame.grey, fit, self._executor)
+
+    def _framed(
+        self, live: np.ndarray, grey: np.ndarray, linear: np.ndarray, fit: PathFit
+    ) -> PathFrame:
+        """Return the frame of a fit, its rows followed where that measures better."""
+
+        def build(fit: PathFit) -> PathFrame:
+            return self.frame_class(self._reference, live, grey, fit, self._executor)
+
+        frame = build(fit)
+        if self._rows is None:
+            return frame
+        return self._rows.refined(frame, linear, build)
 
 
 @dataclass(frozen=True)
