@@ -22,10 +22,11 @@ from .config import Config
 from .depth_map import DepthMap, checked_depth
 from .errors import ConfigError, FrameError
 from .features import FeatureSearch
-from .frame import BlankViews, PathFrame, PathStage, RegisteredFrame
+from .frame import BlankViews, PathFrame, RegisteredFrame
 from .layered_frame import LayeredStage
 from .layers import Layer
 from .motion import Grid
+from .path_stage import PathStage
 from .photometric import luma
 from .reference import Reference
 from .row_frame import RowStage
