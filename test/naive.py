@@ -198,3 +198,25 @@ def live_place(homographies, u, v, center):
         if best is None or abs(y - row) < best[0]:
             best = abs(y - row), x, y
     return best
+
+
+def row_sums(predicted, residual, judged, ends, variance, misplaced2, outlier2):
+    """Tukey-weighted normal equations of a shift of each row, and its misfit (M, 2, 6)."""
+    rows, columns = predicted.shape
+    sums = np.zeros((rows, 2, 6))
+    for i in range(rows):
+        for j in range(1, columns - 1):
+            if not judged[i, j]:
+                continue
+            half = int(np.searchsorted(ends, j, side='right')) % 2
+            g_x = (float(predicted[i, j + 1]) - predicted[i, j - 1]) / 2
+            below, above = min(i + 1, rows - 1), max(i - 1, 0)
+            g_y = (float(predicted[below, j]) - predicted[above, j]) / 2
+            r = float(residual[i, j])
+            own = variance + misplaced2 * (g_x**2 + g_y**2)
+            near = max(0.0, 1.0 - r**2 / (outlier2 * own))
+            weight = near**2 / own
+            terms = weight * np.array([g_x * g_x, g_x * g_y, g_y * g_y, g_x * r, g_y * r, 0.0])
+            terms[5] = 1.0 - near**3
+            sums[i, half] += terms
+    return sums

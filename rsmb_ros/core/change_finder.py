@@ -18,9 +18,10 @@ from .clock import Clock
 from .config import Config
 from .depth_search import DepthSearch
 from .evidence import OUTLINE_WINDOW, NoiseTable, evidence
-from .frame import PathStage, RegisteredFrame
+from .frame import RegisteredFrame
 from .layers import Layer
 from .motion import moved_px
+from .path_stage import PathStage
 from .row_frame import RowStage
 from .segmentation import blobs, candidates
 

@@ -117,6 +117,9 @@ class RegistrationConfig:
     knot_rows: float = _number(
         24.0, 'rows', 4.0, 1000.0, 'distance of the knots of the camera path; less = livelier path'
     )
+    refine_rows: bool = _switch(
+        True, 'last step: follow rows that shake faster than the knots, where that measures better'
+    )
     search_fraction: float = _number(
         0.3, '-', 0.02, 0.6, 'largest offset of the live frame, share of its size'
     )

@@ -22,10 +22,11 @@ from .config import Config
 from .depth_map import DepthMap, checked_depth
 from .errors import ConfigError, FrameError
 from .features import FeatureSearch
-from .frame import BlankViews, PathFrame, PathStage, RegisteredFrame
+from .frame import BlankViews, PathFrame, RegisteredFrame
 from .layered_frame import LayeredStage
 from .layers import Layer
 from .motion import Grid
+from .path_stage import PathStage
 from .photometric import luma
 from .reference import Reference
 from .row_frame import RowStage
@@ -137,6 +138,7 @@ class Detector:
         if problem:
             with clock.step('second start'):
                 found = self._second_start(stage, live, grey, features.match(grey))
+                found = found or self._shaken(stage, frame, matches)
                 frame, problem = (found, '') if found else (frame, problem)
         if problem:
             return self._not_registered(live, problem, clock)
@@ -182,6 +184,13 @@ class Detector:
             if not self._misfit(frame):
                 return frame
         return None
+
+    def _shaken(
+        self, stage: PathStage | RowStage, refused: RegisteredFrame, matches: StripMatches
+    ) -> RegisteredFrame | None:
+        """Register a frame that may shake too much for the first start; None when it does not."""
+        frame = stage.shaken(refused, matches)
+        return None if frame is None or self._misfit(frame) else frame
 
     def _registered(self, finding: Finding, clock: Clock) -> Result:
         frame, seen = finding.frame, finding.seen

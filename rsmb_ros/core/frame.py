@@ -10,20 +10,15 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from .coarse import StripMatches
-from .config import Config
 from .layers import NO_SHIFT, Front, Layer, fronts
-from .motion import CameraPath, Grid, shifted
-from .path_estimator import PathEstimator
+from .motion import CameraPath, shifted
 from .path_fit import PathFit, row_uncertainty
-from .photometric import mixed, to_display, to_linear
+from .photometric import mixed, to_display
 from .reference import Reference, at_limit
 from .render import Window, blurred, rectified
 from .sampling import defocused
-from .stream import StreamMemory
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
-SHARP_ROWS = 3.0  # exposure of a frame that is taken for sharp [rows]
 CLIPPED_STEP = 3.0  # px between instants where only the place of clipped parts matters
 CLIPPED_SHARE = 0.03  # of the exposure, from which on clipped parts of the reference matter
 
@@ -276,46 +271,6 @@ class PathFrame(RegisteredFrame):
             inside = front.inside & complete
             image[front.window.box][inside] = own[inside]
         return image
-
-
-class PathStage:
-    """Registers live frames of one size to one reference by one camera path a frame."""
-
-    frame_class = PathFrame
-
-    def __init__(
-        self, reference: Reference, grid: Grid, config: Config, executor: Executor
-    ) -> None:
-        self._reference = reference
-        self._executor = executor
-        self._estimator = PathEstimator(reference, grid, config, executor)
-
-    def frame(
-        self, live: np.ndarray, grey: np.ndarray, matches: StripMatches, sharp: bool = False
-    ) -> PathFrame:
-        """
-        Register one live frame, `grey` its grey levels (M, N) float32.
-
-        `sharp` takes it for a frame without blur, whatever is known of the exposure.
-        """
-        linear = to_linear(grey, self._reference.gamma)
-        fit = self._estimator.estimate(linear, matches, SHARP_ROWS if sharp else None)
-        return self.frame_class(self._reference, live, grey, fit, self._executor)
-
-    def following(
-        self, live: np.ndarray, grey: np.ndarray, matches: StripMatches, memory: StreamMemory
-    ) -> PathFrame:
-        """Register the next frame of a stream, see `frame`."""
-        linear = to_linear(grey, self._reference.gamma)
-        fit = self._estimator.follow(linear, matches, memory)
-        return self.frame_class(self._reference, live, grey, fit, self._executor)
-
-    def refined(self, frame: RegisteredFrame, foreground: np.ndarray) -> RegisteredFrame:
-        """Register a frame again without its `foreground` (M, N) bool."""
-        assert isinstance(frame, PathFrame)
-        linear = to_linear(frame.grey, self._reference.gamma)
-        fit = self._estimator.refine(linear, frame.fit, foreground)
-        return self.frame_class(self._reference, frame.live, frame.grey, fit, self._executor)
 
 
 @dataclass(frozen=True)

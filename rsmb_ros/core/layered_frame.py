@@ -9,7 +9,8 @@ import numpy as np
 
 from .composite import Composition
 from .depth_map import EDGE_STEP
-from .frame import PathFrame, PathStage
+from .frame import PathFrame
+from .path_stage import PathStage
 from .photometric import to_display
 from .render import Window, at_places, shown_at
 

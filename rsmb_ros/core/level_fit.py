@@ -26,6 +26,7 @@ CHUNKS = 8  # blocks of rows, summed in this order whatever the number of thread
 POINT_STEP = 1.0  # px of the level between instants of the exposure
 NO_RESIDUAL = 1e8  # residuals above this mark points without reference
 MIN_SIGMA = 1.0  # grey levels; no camera is quieter
+OUTLIER = 30.0  # grey levels; residuals beyond count as that when fits are compared
 RELINEARISE = 0.25  # px of the level the rows may move, rms, before Jacobians are worked out anew
 
 # Per pyramid level, full size first; the last entry serves all coarser ones.
@@ -42,6 +43,7 @@ MISPLACED = ((0.5, 0.1), (0.5, 0.5), (0.5, 0.5))
 # Mean square of what 1 px of each path coordinate moves the pixels of a 4:3 frame [px^2].
 REACH = np.array([1.0, 1.0, 0.5, 0.5, 0.3, 0.2])
 MOST_CHANGE = 1.6  # of the exposure while one image size is fitted
+SHARP_ROWS = 3.0  # exposure of a frame that is taken for sharp
 DEFOCUS = (-0.3, 1.5)  # px^2, range; below 0 where the live frame is the sharper one
 
 
@@ -74,16 +76,20 @@ class LevelFit:
         self._stage = min(level.number, len(ITERATIONS) - 1)
         self._at_full_size = np.clip((points.rows + 0.5) * level.factor - 0.5, 0, None)
 
-    def run(self, fit: PathFit, free_exposure: bool, most: int | None = None) -> PathFit:
+    def run(
+        self, fit: PathFit, free_exposure: bool, most: int | None = None, near: bool = False
+    ) -> PathFit:
         """
         Iterate until the rows stand still, at most `most` times.
 
-        The exposure is kept unless `free_exposure`.
+        The exposure is kept unless `free_exposure`. A fit that is `near` is not held stiff at
+        first: that would undo what it knows of quick motion.
         """
         start_exposure, start_defocus = fit.path.exposure_rows, fit.defocus
         linear = _Linearised(self, fit)
         step, share, moved = np.zeros(linear.size), 1.0, np.inf
-        for iteration in range(most or ITERATIONS[self._stage]):
+        begin = RELAXED_AFTER if near else 0
+        for iteration in range(begin, begin + (most or ITERATIONS[self._stage])):
             tukey = self._stage == 0 and iteration > 0  # before that frame ends may be far off
             misplaced = _relaxed(MISPLACED[self._stage], iteration)
             if moved > RELINEARISE * self._level.factor:
@@ -112,6 +118,13 @@ class LevelFit:
             own_exposure=own,
             own_exposure_sigma=sigma,
         )
+
+    def misfits(self, fit: PathFit) -> np.ndarray:
+        """Residuals of a fit at each point that it sees, of which `cost` is the mean."""
+        linear = _Linearised(self, fit)
+        linear.renew(fit, 0.0, MISPLACED[self._stage][1], True)
+        seen = linear.residuals[linear.residuals < NO_RESIDUAL]
+        return np.minimum(np.abs(seen), OUTLIER)
 
     def _own_exposure(
         self, linear: _Linearised, fit: PathFit, iteration: int, start: float
@@ -248,6 +261,6 @@ def _stepped(
         light=Light(fit.light.gain + extra[:4], fit.light.bias + float(BIAS_SCALE) * extra[4]),
         defocus=float(np.clip(fit.defocus + extra[6], *DEFOCUS)),
         sigma=sigma,
-        cost=float(np.minimum(seen, 30.0).mean()) if seen.size else np.inf,
+        cost=float(np.minimum(seen, OUTLIER).mean()) if seen.size else np.inf,
         used=seen.size / residuals.size,
     )

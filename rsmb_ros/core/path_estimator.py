@@ -16,8 +16,8 @@ import numpy as np
 
 from .coarse import StripMatches, start_path
 from .config import Config
-from .level_fit import MOST_CHANGE, Level, LevelFit
-from .motion import Grid, still_path
+from .level_fit import MOST_CHANGE, SHARP_ROWS, Level, LevelFit
+from .motion import CameraPath, Grid, still_path
 from .path_fit import PathFit
 from .photometric import Light, to_display
 from .points import Points, select_points
@@ -59,7 +59,7 @@ class PathEstimator:
 
         Never raises on image content: a hopeless frame ends with a large `cost`.
         """
-        points = self._points(live, len(self._levels))
+        points = self.points(live, len(self._levels))
         given = exposure or self._config.shutter.exposure_rows
         if given > 0:
             fit = self._fit_levels(points, self._start(matches, given), 0, free_exposure=False)
@@ -76,7 +76,13 @@ class PathEstimator:
         start = replace(start, light=last.light, defocus=last.defocus)
         free = given == 0 and not memory.calibrated
         count = min(FOLLOWING_LEVELS, len(self._levels))
-        return self._fit_levels(self._points(live, count), start, 0, free)
+        return self._fit_levels(self.points(live, count), start, 0, free)
+
+    def shaken(self, live: np.ndarray, matches: StripMatches, knot_rows: float) -> PathFit:
+        """Fit a path with its own `knot_rows` to a frame that shakes too much for the usual."""
+        given = self._config.shutter.exposure_rows
+        start = self._start(matches, given or SHARP_ROWS, knot_rows)
+        return self._fit_levels(self.points(live, len(self._levels)), start, 0, given == 0)
 
     def refine(self, live: np.ndarray, fit: PathFit, foreground: np.ndarray) -> PathFit:
         """
@@ -89,20 +95,30 @@ class PathEstimator:
         masks = pyramid(foreground.astype(np.float32), count)
         points = [
             points.without(mask > 0)
-            for points, mask in zip(self._points(live, count), masks, strict=True)
+            for points, mask in zip(self.points(live, count), masks, strict=True)
         ]
-        return self._fit_levels(points, fit, 0, not fit.exposure_held)
+        shaking = fit.path.knot_rows < self._config.registration.knot_rows
+        return self._fit_levels(points, fit, 0, not fit.exposure_held, near=shaking)
 
-    def _points(self, live: np.ndarray, count: int) -> list[Points]:
+    def points(self, live: np.ndarray, count: int) -> list[Points]:
+        """Choose the points of `live` at the `count` finest sizes, or at all, full size first."""
         gamma = self._config.camera.gamma
         return [
             select_points(to_display(image, gamma), n)
-            for n, image in enumerate(pyramid(live, count))
+            for n, image in enumerate(pyramid(live, min(count, len(self._levels))))
         ]
 
-    def _start(self, matches: StripMatches, exposure: float) -> PathFit:
+    def level_fit(self, n: int, points: Points, path: CameraPath) -> LevelFit:
+        """Return what fits `points` of level `n`, at the depths that `path` lets them see."""
+        if self._depth is not None:
+            points = points.on(self._depth, path, n)
+        return LevelFit(self._levels[n], points, self._grid, self._config, self._executor)
+
+    def _start(
+        self, matches: StripMatches, exposure: float, knot_rows: float | None = None
+    ) -> PathFit:
         bottom_up = self._config.shutter.readout == 'bottom_up'
-        knot_rows = self._config.registration.knot_rows
+        knot_rows = knot_rows or self._config.registration.knot_rows
         longest = _longest(exposure)
         path = start_path(matches, self._grid, knot_rows, exposure, longest, bottom_up)
         return PathFit(path, Light.same(), 0.0, 12.0, np.inf, np.zeros((0, 0)), 0.0)
@@ -128,19 +144,27 @@ class PathEstimator:
         return self._fit_levels(points[:finest], best, 0, True)
 
     def _fit_levels(
-        self, points: Sequence[Points], fit: PathFit, finest: int, free_exposure: bool
+        self,
+        points: Sequence[Points],
+        fit: PathFit,
+        finest: int,
+        free_exposure: bool,
+        near: bool = False,
     ) -> PathFit:
         for n in range(len(points) - 1, finest - 1, -1):
-            fit = self._fit_level(n, points[n], fit, free_exposure)
+            fit = self._fit_level(n, points[n], fit, free_exposure, near=near)
         return fit
 
     def _fit_level(
-        self, n: int, points: Points, fit: PathFit, free_exposure: bool, most: int | None = None
+        self,
+        n: int,
+        points: Points,
+        fit: PathFit,
+        free_exposure: bool,
+        most: int | None = None,
+        near: bool = False,
     ) -> PathFit:
-        if self._depth is not None:
-            points = points.on(self._depth, fit.path, n)
-        level = LevelFit(self._levels[n], points, self._grid, self._config, self._executor)
-        return level.run(fit, free_exposure, most)
+        return self.level_fit(n, points, fit.path).run(fit, free_exposure, most, near)
 
 
 def level_count(grid: Grid) -> int:

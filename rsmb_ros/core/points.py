@@ -28,10 +28,13 @@ class Points:
     values: np.ndarray  # (R, P) display values
     inverse_depth: np.ndarray | None = None  # (R, P) float32, 1/d; None: all on the background
 
+    def only(self, chosen: np.ndarray) -> Points:
+        """Return the points with those not `chosen` (R, P) bool switched off."""
+        return replace(self, values=np.where(chosen, self.values, np.float32(SWITCHED_OFF)))
+
     def without(self, mask: np.ndarray) -> Points:
         """Return the points with those on a mask (M, N) bool of this level switched off."""
-        off = mask[self.rows[:, None], self.columns]
-        return replace(self, values=np.where(off, np.float32(SWITCHED_OFF), self.values))
+        return self.only(~mask[self.rows[:, None], self.columns])
 
     def on(self, depth: DepthMap, path: CameraPath, n: int) -> Points:
         """

@@ -52,6 +52,11 @@ class RowStage:
         return RowFrame(self._reference, live, grey, fit, path, self._executor)
 
     @staticmethod
+    def shaken(refused: RegisteredFrame, matches: StripMatches) -> RegisteredFrame | None:
+        """Return None: rows follow their neighbours however they shake."""
+        return None
+
+    @staticmethod
     def refined(frame: RegisteredFrame, foreground: np.ndarray) -> RegisteredFrame:
         """Return the frame as it is: the report solves rows once."""
         return frame

@@ -1,0 +1,89 @@
+"""Live frames of one size in, frames registered by one camera path each out."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+
+import numpy as np
+
+from .coarse import StripMatches
+from .config import Config
+from .frame import PathFrame, RegisteredFrame
+from .level_fit import SHARP_ROWS
+from .motion import Grid
+from .path_estimator import PathEstimator
+from .path_fit import PathFit
+from .photometric import to_linear
+from .reference import Reference
+from .row_refinement import RowRefinement
+from .stream import StreamMemory
+
+# Of the misfit of a frame that was refused: denser knots from the start leave 0.3 to 0.6 of it
+# where they are right, 0.98 and more where the frame shows another place or is blurred.
+SHAKEN = 0.75
+
+
+class PathStage:
+    """Registers live frames of one size to one reference by one camera path a frame."""
+
+    frame_class = PathFrame
+
+    def __init__(
+        self, reference: Reference, grid: Grid, config: Config, executor: Executor
+    ) -> None:
+        self._reference = reference
+        self._executor = executor
+        self._estimator = PathEstimator(reference, grid, config, executor)
+        self._rows: RowRefinement | None = None
+        if config.registration.refine_rows:
+            self._rows = RowRefinement(self._estimator, grid, config)
+
+    def frame(
+        self, live: np.ndarray, grey: np.ndarray, matches: StripMatches, sharp: bool = False
+    ) -> PathFrame:
+        """
+        Register one live frame, `grey` its grey levels (M, N) float32.
+
+        `sharp` takes it for a frame without blur, whatever is known of the exposure.
+        """
+        linear = to_linear(grey, self._reference.gamma)
+        fit = self._estimator.estimate(linear, matches, SHARP_ROWS if sharp else None)
+        return self._framed(live, grey, linear, fit)
+
+    def shaken(self, refused: RegisteredFrame, matches: StripMatches) -> PathFrame | None:
+        """Register a frame whose rows shake too much for the usual knots; None: it does not."""
+        if self._rows is None:
+            return None
+        assert isinstance(refused, PathFrame)
+        linear = to_linear(refused.grey, self._reference.gamma)
+        fit = self._estimator.shaken(linear, matches, self._rows.knot_rows)
+        frame = self._framed(refused.live, refused.grey, linear, fit)
+        return frame if frame.fit.cost < SHAKEN * refused.fit.cost else None
+
+    def following(
+        self, live: np.ndarray, grey: np.ndarray, matches: StripMatches, memory: StreamMemory
+    ) -> PathFrame:
+        """Register the next frame of a stream, see `frame`."""
+        linear = to_linear(grey, self._reference.gamma)
+        fit = self._estimator.follow(linear, matches, memory)
+        return self._framed(live, grey, linear, fit)
+
+    def refined(self, frame: RegisteredFrame, foreground: np.ndarray) -> RegisteredFrame:
+        """Register a frame again without its `foreground` (M, N) bool."""
+        assert isinstance(frame, PathFrame)
+        linear = to_linear(frame.grey, self._reference.gamma)
+        fit = self._estimator.refine(linear, frame.fit, foreground)
+        return self.frame_class(self._reference, frame.live, frame.grey, fit, self._executor)
+
+    def _framed(
+        self, live: np.ndarray, grey: np.ndarray, linear: np.ndarray, fit: PathFit
+    ) -> PathFrame:
+        """Return the frame of a fit, its rows followed where that measures better."""
+
+        def build(fit: PathFit) -> PathFrame:
+            return self.frame_class(self._reference, live, grey, fit, self._executor)
+
+        frame = build(fit)
+        if self._rows is None:
+            return frame
+        return self._rows.refined(frame, linear, build)

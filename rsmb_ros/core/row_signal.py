@@ -1,0 +1,92 @@
+"""
+Whether single rows of a live frame lie elsewhere than its path says, and where.
+
+A shift that a row only needs to fit its own noise does not fit other columns of the same row. So
+columns are dealt to two halves in stripes, and what one half asks for is measured on the other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from ._kernels.row_shift import TERMS, row_sums
+from .level_fit import MIN_SIGMA
+
+STRIPES = 20  # over the width; every other one belongs to the second half
+SMOOTH = 1e4  # 1/px^2, weight of bends: a row may bend its neighbours' line by 0.01 px (sigma)
+OUTLIER = 5.0  # sigma, beyond which a pixel says nothing
+MISPLACED = 0.1  # px, by which an edge may be off for reasons that are not the camera
+SOME = np.s_[::4, ::4]  # pixels that tell the noise of all
+
+
+@dataclass(frozen=True)
+class RowSignal:
+    """What the rows of a frame say that its path does not."""
+
+    share: float  # of the misfit of each half of the columns, explained by the other half's shifts
+    shift: np.ndarray  # (M, 2) x, y, of the rows by all columns [px of the live frame]
+
+
+def row_signal(predicted: np.ndarray, residual: np.ndarray, judged: np.ndarray) -> RowSignal:
+    """
+    Measure how far rows lie from where they are predicted, and whether that can be believed.
+
+    Parameters
+    ----------
+    predicted, residual : ndarray of shape (M, N), float32
+        Prediction and live - predicted [grey levels].
+    judged : ndarray of shape (M, N), bool
+        Pixels that count.
+
+    """
+    rows, columns = judged.shape
+    known = np.abs(residual[SOME][judged[SOME]])
+    if not known.size:
+        return RowSignal(0.0, np.zeros((rows, 2)))
+    sigma = max(MIN_SIGMA, 1.4826 * float(np.median(known)))
+    ends = -(-columns * np.arange(1, STRIPES + 1) // STRIPES)
+    sums = np.zeros((rows, 2, TERMS), np.float32)
+    row_sums(
+        predicted, residual, judged, ends, np.float32(sigma**2), np.float32(MISPLACED**2),
+        np.float32(OUTLIER**2), sums,
+    )  # fmt: skip
+    halves = [smooth_shifts(sums[:, n]) for n in (0, 1)]
+    explained = sum(_explained(sums[:, 1 - n], shift) for n, shift in enumerate(halves))
+    misfit = OUTLIER**2 / 6 * float(sums[:, :, 5].sum())
+    return RowSignal(explained / max(misfit, 1e-6), smooth_shifts(sums.sum(axis=1)))
+
+
+def second_half(columns: np.ndarray, width: int) -> np.ndarray:
+    """Whether `columns` of an image `width` px wide belong to the second half, bool."""
+    return columns * STRIPES // width % 2 == 1
+
+
+def smooth_shifts(sums: np.ndarray) -> np.ndarray:
+    """Shifts (M, 2) [px] that solve the normal equations `sums` (M, TERMS) and bend little."""
+    xx, xy, yy, r_x, r_y = sums[:, :5].astype(np.float64).T
+    rows = len(xx)
+    bands = np.zeros((5, 2 * rows))  # x and y of the rows take turns; bands[4 - k]: k above
+    bands[4, 0::2], bands[4, 1::2], bands[3, 1::2] = xx, yy, xy
+    diagonal, first, second = _bend(rows)
+    for e in (0, 1):
+        bands[4, e::2] += SMOOTH * (diagonal + 1e-6)  # the least that keeps rows without data still
+        bands[2, 2 + e :: 2] += SMOOTH * first
+        bands[0, 4 + e :: 2] += SMOOTH * second
+    return solveh_banded(bands, np.stack([r_x, r_y], axis=1).ravel()).reshape(rows, 2)
+
+
+def _bend(rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Diagonals 0, 1 and 2 of the penalty on second differences of `rows` values."""
+    diagonal, first = np.full(rows, 6.0), np.full(rows - 1, -4.0)
+    diagonal[[0, -1]], diagonal[[1, -2]], first[[0, -1]] = 1.0, 5.0, -2.0
+    return diagonal, first, np.ones(rows - 2)
+
+
+def _explained(sums: np.ndarray, shift: np.ndarray) -> float:
+    """Misfit that shifts (M, 2) take away by normal equations (M, TERMS); below 0: they add."""
+    xx, xy, yy, r_x, r_y = sums[:, :5].T
+    x, y = shift.T
+    return float((r_x * x + r_y * y - 0.5 * (xx * x * x + 2 * xy * x * y + yy * y * y)).sum())
