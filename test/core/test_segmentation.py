@@ -37,7 +37,6 @@ def test_outline_of_a_disc_is_right_to_a_pixel(radius, strength):
     truth = disc(radius)
     wide, tight = drawn(truth, strength)
     true = radius_of(truth)
-    print(radius_of(wide) - true, radius_of(tight) - true)
     assert radius_of(wide) - true > 1.5, 'the window of the evidence widens it'
     assert abs(radius_of(tight) - true) < 1.0
     assert not np.any(tight & ~wide)
