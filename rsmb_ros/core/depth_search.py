@@ -67,11 +67,15 @@ class DepthSearch:
         ]
         if near:
             depths = np.array([layer.place.relative_depth for layer in near])
-            layer = self._explained_at(depths, blob, window, mask)
-            if layer is not None:
-                return layer
+            beside = self._explained_at(depths, blob, window, mask)
+            if beside is not None and _fits(beside.place):
+                return beside
+        else:
+            beside = None
         depths = np.arange(self.config.depth_min, self.config.depth_max + 1e-9, COARSE_STEP)
-        return self._explained_at(depths, blob, window, mask)
+        layer = self._explained_at(depths, blob, window, mask)
+        # a depth of its own goes before a neighbour's that fits with some help only
+        return beside if layer is None or (beside and not _fits(layer.place)) else layer
 
     def _explained_at(
         self, depths: np.ndarray, blob: Blob, window: Window, mask: np.ndarray
@@ -86,6 +90,8 @@ class DepthSearch:
             return layer
         if parallax < MIN_PARALLAX:
             layer = None
+        if layer is None:
+            share = 0.0  # what may not be taken must not outdo a shift
         # tilt and translation look alike on the ground alone: then t / d points elsewhere
         for start, limit in ((depth, 1.0 + MAX_SHIFT * parallax), (1.0, MAX_OFF)):
             shift = self._shift(start, window, mask, limit)
@@ -220,6 +226,11 @@ class DepthSearch:
         zoom = self.path.coordinates(times)[0, 3] / self.path.grid.half_width
         far = 1.0 / depth - 1.0
         return float(far * (shift[0] + zoom * x)), float(far * (shift[1] + zoom * y))
+
+
+def _fits(place: Place) -> bool:
+    """Whether an object lies where its depth puts it, not just near there."""
+    return place.shift == NO_SHIFT and place.misfit < MAX_MISFIT
 
 
 def _touch(a: Window, b: Window) -> bool:

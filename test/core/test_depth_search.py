@@ -1,0 +1,245 @@
+"""What a depth may explain, and what it may not, on frames whose path is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from known_frame import displacement, known_frame
+
+from rsmb_ros.core.layers import Layer, Place
+from rsmb_ros.core.segmentation import Blob, blobs
+from rsmb_ros.core.synthesis import CHANGED, NEW, Scene, Sheet
+
+MARGIN = 40
+SHAPE = (240, 320)
+HOUSE = np.s_[80:150, 120:210]  # of the reference
+
+
+@pytest.fixture(scope='module')
+def ground(texture_of):
+    return texture_of(SHAPE[0] + 2 * MARGIN, SHAPE[1] + 2 * MARGIN, 5)
+
+
+def roof(depth, seed=1, place=HOUSE, grain=12.0, **change):
+    """A roof with rows of tiles and a bright and a dark half, like no ground."""
+    height, width = (part.stop - part.start for part in place)
+    rng = np.random.default_rng(seed)
+    image = np.full((height, width), 150.0)
+    image[height // 2 :] = 105.0
+    image[::7] -= 25.0
+    image[:, ::9] -= 15.0
+    for _ in range(6):
+        x, y = rng.integers(0, width - 14), rng.integers(0, height - 12)
+        image[y : y + 12, x : x + 14] = rng.uniform(40, 220)
+    image += cv2.GaussianBlur(rng.normal(0, grain, image.shape), (0, 0), 1.5)
+    texture = np.clip(image, 0, 255).astype(np.uint8)
+    sheet = Sheet(
+        texture, np.ones(texture.shape, np.float32), place[1].start, place[0].start, depth, 'roof'
+    )
+    return replace(sheet, **change)
+
+
+def scene(ground, *layers):
+    return Scene(ground, MARGIN, tuple(layers))
+
+
+def largest(found, place):
+    return max(found.blobs_on(place), key=lambda blob: blob.area)
+
+
+def cover_of(layer):
+    """Where a layer is (M, N) bool, nowhere for None."""
+    cover = np.zeros(SHAPE, bool)
+    if layer is not None:
+        cover[layer.blob.box] = layer.blob.mask
+    return cover
+
+
+@pytest.fixture(scope='module')
+def houses(ground, executor):
+    """Frames of the same house at several depths, nothing new."""
+    return {
+        depth: known_frame(scene(ground, roof(depth)), executor)
+        for depth in (0.75, 0.86, 0.93, 1.2)
+    }
+
+
+@pytest.mark.parametrize('depth', [0.75, 0.86, 0.93, 1.2])
+def test_depth_of_a_static_object_is_found_at_first_look(houses, depth):
+    found = houses[depth]
+    layer = found.search.explain(largest(found, found.truth.layers > 0))
+    assert abs(layer.place.relative_depth - depth) < 0.02
+    assert layer.share > 0.6
+
+
+@pytest.mark.parametrize('wrong', [0.5, 0.97, 1.3])
+def test_all_depths_are_asked_where_a_neighbours_does_not_explain(houses, wrong):
+    found = houses[0.86]
+    blob = largest(found, found.truth.layers > 0)
+    beside = np.ones((20, 20), bool)
+    neighbour = Layer(Blob(beside, blob.x - 20, blob.y), beside, Place(wrong), 0.9)
+    layer = found.search.explain(blob, [neighbour])
+    assert abs(layer.place.relative_depth - 0.86) < 0.02
+
+
+def test_a_neighbours_depth_is_taken_before_all_others(houses):
+    found = houses[0.86]
+    blob = largest(found, found.truth.layers > 0)
+    beside = np.ones((20, 20), bool)
+    neighbour = Layer(Blob(beside, blob.x - 20, blob.y), beside, Place(0.87), 0.9)
+    asked = []
+
+    def render(depth, window, shift):
+        asked.append(depth)
+        return found.frame.render(depth, window, shift)
+
+    layer = replace(found.search, render=render).explain(blob, [neighbour])
+    assert abs(layer.place.relative_depth - 0.86) < 0.02
+    assert min(asked) > 0.8
+    far_off = replace(neighbour, blob=replace(neighbour.blob, x=0, y=0))
+    replace(found.search, render=render).explain(blob, [far_off])
+    assert min(asked) < 0.4
+
+
+@pytest.mark.parametrize(
+    ('depth', 'moved'), [(0.97, (0.0, 1.0)), (0.97, (-0.8, 0.5)), (1.0, (0.8, -0.8))]
+)
+def test_an_object_a_pixel_beside_its_depths_place_is_static(ground, executor, depth, moved):
+    """Tilt and translation look alike on the ground: t / d is then off by about as much."""
+    house = roof(depth)
+    after = replace(house, x=house.x + moved[0], y=house.y + moved[1])
+    found = known_frame(scene(ground, house), executor, after=scene(ground, after))
+    blob = largest(found, found.truth.layers > 0)
+    layer = found.search.explain(blob)
+    assert layer is not None
+    place = displacement(found, blob, layer.place.relative_depth) + layer.place.shift
+    true = displacement(found, blob, depth) - np.array(moved)
+    assert np.hypot(*(place - true)) < 0.5
+
+
+@pytest.mark.parametrize('moved', [(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0)])
+def test_a_near_object_a_pixel_beside_its_depths_place_is_static(ground, executor, moved):
+    house = roof(0.88)
+    after = replace(house, x=house.x + moved[0], y=house.y + moved[1])
+    found = known_frame(scene(ground, house), executor, after=scene(ground, after))
+    on = found.truth.layers > 0
+    layer = found.search.explain(largest(found, on))
+    assert cover_of(layer)[on].mean() > 0.9
+
+
+@pytest.mark.parametrize('moved', [(0.0, 5.0), (6.0, 0.0), (4.0, -4.0)])
+def test_an_object_that_moved_farther_is_a_change(ground, executor, moved):
+    house = roof(0.97)
+    after = replace(house, x=house.x + moved[0], y=house.y + moved[1])
+    found = known_frame(scene(ground, house), executor, after=scene(ground, after))
+    on = found.truth.layers > 0
+    assert found.blobs_on(on)
+    explained = [found.search.explain(blob) for blob in found.blobs_on(on)]
+    assert not any(layer is not None and layer.blob.area > 0.2 * on.sum() for layer in explained)
+
+
+def new_things(kind, seed):
+    """Four new objects of 26 x 40 px, apart from each other and from the house."""
+    rng = np.random.default_rng(seed)
+    for x, y in ((55, 30), (220, 35), (50, 180), (225, 175)):
+        shape = (26, 40)
+        if kind == 'plain':
+            image = np.full(shape, rng.choice([15.0, 235.0])) + rng.normal(0, 3, shape)
+        elif kind == 'stripes':
+            image = 110.0 + 80.0 * np.sin(np.arange(40) * rng.uniform(0.5, 1.0)) * np.ones(shape)
+        elif kind == 'grain':
+            image = 120 + 3 * cv2.GaussianBlur(rng.normal(0, 60, shape), (0, 0), 1.5)
+        else:
+            image = np.full(shape, rng.choice([30.0, 220.0]))
+            image[5:20, 8:30] = 120.0
+            image[::6] += 20.0
+        texture = np.clip(image, 0, 255).astype(np.uint8)
+        yield Sheet(texture, np.ones(shape, np.float32), x, y, name=f'{kind} {x}', kind=NEW)
+
+
+@pytest.mark.parametrize('seed', [1, 2, 3])
+@pytest.mark.parametrize('kind', ['plain', 'stripes', 'grain', 'car'])
+def test_no_place_explains_a_new_object(ground, executor, kind, seed):
+    objects = tuple(new_things(kind, seed))
+    found = known_frame(scene(ground, roof(0.88)), executor, objects, seed=seed)
+    for number in range(1, len(objects) + 1):
+        thing = found.truth.objects == number
+        assert found.mask[thing].mean() > 0.7, 'it stands out'
+        for blob in found.blobs_on(thing):
+            layer = found.search.explain(blob)
+            assert cover_of(layer)[thing].mean() < 0.1, layer.place
+
+
+@pytest.mark.parametrize('kind', ['plain', 'stripes', 'grain', 'car'])
+def test_a_new_object_beside_a_house_is_no_part_of_it(ground, executor, kind):
+    """The two make one candidate; the house's depth must not take the object along."""
+    beside = replace(next(iter(new_things(kind, 4))), x=HOUSE[1].stop - 2, y=HOUSE[0].start + 20)
+    found = known_frame(scene(ground, roof(0.88)), executor, [beside])
+    thing = found.truth.label == CHANGED
+    for blob in found.blobs_on(thing | (found.truth.layers > 0)):
+        layer = found.search.explain(blob)
+        if layer is None:
+            continue
+        covered = cover_of(layer)
+        assert covered[thing].mean() < 0.15
+        for rest in blobs(found.mask * ~covered):
+            piece = found.search.belongs(rest, layer)
+            if piece is not None:
+                covered[piece.blob.box] |= piece.blob.mask
+        assert covered[thing].mean() < 0.15
+
+
+@pytest.mark.parametrize('depth', [0.75, 0.86, 0.93])
+def test_what_an_object_uncovers_is_not_surely_part_of_it(ground, executor, depth):
+    """On flat ground every depth explains the uncovered strip; the object's counterpart tells."""
+    flat = ground.copy()
+    yard = flat[90:230, 130:290]
+    yard[:] = 120 + 0.08 * (yard.astype(float) - 120)
+    found = known_frame(scene(flat, roof(depth)), executor)
+    house = found.truth.layers > 0
+    layer = found.search.explain(largest(found, house))
+    beyond = cv2.dilate(house.astype(np.uint8), np.ones((7, 7)))[layer.blob.box] == 0
+    uncovered = np.count_nonzero(layer.blob.mask & beyond)
+    assert uncovered > 40, 'else there is nothing to tell apart'
+    assert np.count_nonzero(layer.sure & beyond) < 0.2 * uncovered
+    assert not np.any(layer.sure & ~layer.blob.mask)
+    assert np.count_nonzero(layer.sure & house[layer.blob.box]) > 0.9 * np.count_nonzero(house)
+
+
+@pytest.fixture(scope='module')
+def paler_roof(ground, executor):
+    """A roof of rich texture, less of it in the live frame; plain, and with a thing on it."""
+    before = roof(0.88, grain=25.0)
+    pale = 128 + 0.85 * (before.texture.astype(float) - 128)
+    painted = pale.copy()
+    painted[20:32, 36:54] -= 60.0  # of 125
+    return {
+        name: known_frame(
+            scene(ground, before),
+            executor,
+            after=scene(ground, replace(before, texture=texture.astype(np.uint8))),
+        )
+        for name, texture in (('plain', pale), ('painted', painted))
+    }
+
+
+def test_rich_texture_may_fit_less_well_than_its_surroundings(paler_roof):
+    found = paler_roof['plain']
+    on = found.truth.layers > 0
+    layer = found.search.explain(largest(found, on))
+    assert abs(layer.place.relative_depth - 0.88) < 0.02
+    assert layer.place.misfit > 1.5
+    assert cover_of(layer)[on].mean() > 0.95
+
+
+def test_a_new_object_stands_out_on_a_roof_that_fits_less_well(paler_roof):
+    found = paler_roof['painted']
+    layer = found.search.explain(largest(found, found.truth.layers > 0))
+    assert layer.place.misfit > 1.5
+    changed = np.abs(found.frame.grey - paler_roof['plain'].frame.grey) > 30
+    assert np.count_nonzero(changed) > 100
+    assert cover_of(layer)[changed].mean() < 0.2
+    assert cover_of(layer)[found.truth.layers > 0].mean() > 0.7

@@ -1,0 +1,152 @@
+"""What static objects hide of the background, and what of them is not judged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from known_frame import known_frame
+
+from rsmb_ros.core.layers import Layer, Place, fronts
+from rsmb_ros.core.render import Window
+from rsmb_ros.core.segmentation import Blob
+from rsmb_ros.core.synthesis import Scene, Sheet
+
+SHAPE = (240, 320)
+DEPTH = 0.8
+
+
+@pytest.fixture(scope='module')
+def ground(texture_of):
+    return texture_of(SHAPE[0] + 80, SHAPE[1] + 80, 12)
+
+
+def box(texture_of, depth, x=120.0, y=80.0, seed=31):
+    texture = 255 - texture_of(70, 90, seed)
+    return Sheet(texture, np.ones(texture.shape, np.float32), x, y, depth, 'box')
+
+
+def layer_of(found, place, number=1):
+    """The layer that a perfect search returns: where the object is in the live frame."""
+    rows, cols = np.nonzero(found.truth.layers == number)
+    box = np.s_[rows.min() : rows.max() + 1, cols.min() : cols.max() + 1]
+    mask = (found.truth.layers == number)[box]
+    return Layer(Blob(mask, int(cols.min()), int(rows.min())), mask, place, 1.0)
+
+
+@pytest.fixture
+def boxed(ground, texture_of, executor):
+    return known_frame(Scene(ground, 40, (box(texture_of, DEPTH),)), executor)
+
+
+def masks(found, layers, executor):
+    inside, edge = np.zeros(SHAPE, bool), np.zeros(SHAPE, bool)
+    for front in fronts(layers, found.frame.path, executor):
+        inside[front.window.box] |= front.inside
+        edge[front.window.box] |= front.edge
+    return inside, edge
+
+
+def eroded(mask, size):
+    return cv2.erode(mask.astype(np.uint8), np.ones((size, size), np.uint8)) > 0
+
+
+def dilated(mask, size):
+    return cv2.dilate(mask.astype(np.uint8), np.ones((size, size), np.uint8)) > 0
+
+
+def test_inside_is_covered_and_edge_is_around_it(boxed, executor):
+    on = boxed.truth.layers > 0
+    inside, edge = masks(boxed, [layer_of(boxed, Place(DEPTH))], executor)
+    assert not np.any(inside & edge)
+    assert not np.any(inside & ~on), 'surely covered, so never ground'
+    # half of EDGE all around, and what blurs over it during the exposure
+    assert inside[eroded(on, 23)].all()
+    assert not np.any(~dilated(on, 41) & (inside | edge))
+    rim = dilated(on, 7) & ~eroded(on, 7)
+    assert edge[rim].all(), 'an outline is not known to a pixel'
+
+
+def test_what_an_object_uncovers_is_edge_too(boxed, executor):
+    """Where the reference shows the object and the live frame the ground behind it."""
+    _, edge = masks(boxed, [layer_of(boxed, Place(DEPTH))], executor)
+    on = boxed.truth.layers > 0
+    expected = (boxed.truth.places[..., 0] >= 120) & (boxed.truth.places[..., 0] < 210)
+    expected &= (boxed.truth.places[..., 1] >= 80) & (boxed.truth.places[..., 1] < 150)
+    uncovered = expected & ~on
+    assert np.count_nonzero(uncovered) > 400
+    assert edge[uncovered].all()
+
+
+def test_what_is_not_sure_is_edge(boxed, executor):
+    layer = layer_of(boxed, Place(DEPTH))
+    sure = layer.sure.copy()
+    sure[:, : sure.shape[1] // 2] = False
+    inside, edge = masks(boxed, [replace(layer, sure=sure)], executor)
+    middle = layer.blob.x + layer.blob.mask.shape[1] // 2
+    assert not inside[:, : middle - 1].any()
+    assert inside[:, middle + 12 :].any()
+    left = eroded(boxed.truth.layers > 0, 15)
+    left[:, middle - 1 :] = False
+    assert edge[left].all()
+
+
+def test_pieces_at_one_place_are_one_front_and_others_come_farthest_first(boxed, executor):
+    whole = layer_of(boxed, Place(DEPTH))
+    half = whole.blob.mask.copy()
+    half[:35] = False
+    upper = replace(
+        whole, blob=replace(whole.blob, mask=whole.blob.mask & ~half), sure=whole.sure & ~half
+    )
+    lower = replace(
+        whole, blob=replace(whole.blob, mask=whole.blob.mask & half), sure=whole.sure & half
+    )
+    behind = replace(whole, place=Place(1.2))
+    found = fronts([upper, behind, lower], boxed.frame.path, executor)
+    assert [front.place.relative_depth for front in found] == [1.2, DEPTH]
+    alone = fronts([whole], boxed.frame.path, executor)[0]
+    one = found[1]
+    full = np.zeros((2, *SHAPE), bool)
+    for part, front in zip(full, (alone, one), strict=True):
+        part[front.window.box] = front.inside
+    assert np.count_nonzero(full[0] ^ full[1]) < 0.02 * np.count_nonzero(full[0])
+
+
+def test_a_layer_in_front_is_shown_and_its_edge_is_not_judged(boxed, executor):
+    frame = boxed.frame
+    layer = layer_of(boxed, Place(DEPTH, misfit=1.7))
+    inside, edge = masks(boxed, [layer], executor)
+    before, judged = frame.residual.copy(), frame.judged.copy()
+    frame.put_in_front([layer])
+    assert before[inside].std() > 3 * frame.residual[inside].std()
+    assert frame.residual[inside].std() < 5.0
+    assert not frame.judged[edge].any()
+    np.testing.assert_array_equal(frame.judged[~edge], judged[~edge])
+    np.testing.assert_array_equal(frame.residual[~inside], before[~inside])
+    np.testing.assert_allclose(frame.misfit, np.where(inside, np.float32(1.7), np.float32(1.0)))
+
+
+def test_a_shift_moves_what_is_shown(ground, texture_of, executor):
+    before, after = (box(texture_of, DEPTH, x=120.0 + dx) for dx in (0.0, 1.5))
+    found = known_frame(Scene(ground, 40, (before,)), executor, after=Scene(ground, 40, (after,)))
+    frame, on = found.frame, eroded(found.truth.layers > 0, 35)
+    frame.put_in_front([layer_of(found, Place(DEPTH))])
+    unmoved = frame.residual[on].std()
+    frame.put_in_front([layer_of(found, Place(DEPTH, (-1.5, 0.0)))])
+    assert frame.residual[on].std() < 0.5 * unmoved
+
+
+def test_what_a_layer_shows_from_beyond_the_reference_is_not_judged(ground, texture_of, executor):
+    """Near objects move more than the ground: their part of the reference may end before it."""
+    found = known_frame(Scene(ground, 40, (box(texture_of, 0.75, x=250.0),)), executor)
+    layer = layer_of(found, Place(0.75))
+    frame = found.frame
+    _, complete = frame.render(0.75, Window(0, SHAPE[0], 0, SHAPE[1]))
+    beyond = (found.truth.layers > 0) & ~complete & frame.judged
+    assert np.count_nonzero(beyond) > 100, 'else there is nothing to judge wrongly'
+    frame.put_in_front([layer])
+    assert not frame.judged[beyond].any()
+    assert frame.judged[:40].any()
+    assert frame.judged[200:, 200:].any(), 'far from the object the border is judged'

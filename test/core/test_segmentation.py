@@ -1,0 +1,88 @@
+"""Outlines of objects from evidence that is as wide as its window."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from rsmb_ros.core.config import ChangeConfig
+from rsmb_ros.core.evidence import OUTLINE_WINDOW, evidence
+from rsmb_ros.core.segmentation import blobs, candidates, tightened
+
+CONFIG = ChangeConfig()
+SHAPE = (480, 640)
+
+
+def disc(radius, center=(300.0, 220.0)):
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    return np.hypot(x - center[0], y - center[1]) <= radius
+
+
+def drawn(truth, strength, seed=3):
+    """Mask and outline of an object whose residual is `strength` sigma all over, in noise."""
+    z = np.random.default_rng(seed).normal(0, 1, SHAPE).astype(np.float32)
+    z[truth] += strength * np.random.default_rng(seed + 1).choice([-1.0, 1.0], truth.sum())
+    wide = candidates(evidence(z), CONFIG)
+    return wide, tightened(wide, evidence(z, OUTLINE_WINDOW), CONFIG)
+
+
+def radius_of(mask):
+    return np.sqrt(np.count_nonzero(mask) / np.pi)
+
+
+@pytest.mark.parametrize('radius', [12, 25, 60])
+@pytest.mark.parametrize('strength', [8.0, 12.0, 20.0])
+def test_outline_of_a_disc_is_right_to_a_pixel(radius, strength):
+    truth = disc(radius)
+    wide, tight = drawn(truth, strength)
+    true = radius_of(truth)
+    assert radius_of(wide) - true > 1.5, 'the window of the evidence widens it'
+    assert abs(radius_of(tight) - true) < 1.0
+    assert not np.any(tight & ~wide)
+    core = cv2.erode(truth.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    assert tight[core].all()
+
+
+def test_a_weak_object_keeps_its_outline():
+    """What shows over the larger window only is not cut to the specks that show over the small."""
+    wide = disc(20).astype(np.uint8)
+    sharp = np.where(disc(20), np.float32(2.5), np.float32(1.0))
+    sharp[disc(4, (295.0, 215.0))] = 9.0
+    np.testing.assert_array_equal(tightened(wide, sharp, CONFIG), wide)
+
+
+def test_each_object_is_judged_alone():
+    weak, strong = disc(20, (150.0, 200.0)), disc(20, (450.0, 200.0))
+    inside = disc(16, (450.0, 200.0))
+    sharp = np.ones(SHAPE, np.float32)
+    sharp[weak] = 2.5
+    sharp[inside] = 9.0
+    tight = tightened((weak | strong).astype(np.uint8), sharp, CONFIG) > 0
+    np.testing.assert_array_equal(tight, weak | inside)
+
+
+@pytest.mark.parametrize('gap', [1, 3, 6])
+def test_a_thin_gap_does_not_split_an_object(gap):
+    mask = np.zeros(SHAPE, np.uint8)
+    mask[200:260, 300:400] = 1
+    sharp = np.where(mask > 0, np.float32(9.0), np.float32(1.0))
+    sharp[:, 350 : 350 + gap] = 1.0
+    found = blobs(tightened(mask, sharp, CONFIG))
+    assert len(found) == 1
+    assert found[0].area >= 0.98 * 6000
+
+
+def test_a_wide_gap_does_split_it():
+    mask = np.zeros(SHAPE, np.uint8)
+    mask[200:260, 300:400] = 1
+    sharp = np.where(mask > 0, np.float32(9.0), np.float32(1.0))
+    sharp[:, 340:360] = 1.0
+    assert len(blobs(tightened(mask, sharp, CONFIG))) == 2
+
+
+def test_an_object_at_the_border_keeps_its_edge_there():
+    mask = np.zeros(SHAPE, np.uint8)
+    mask[:40, :50] = 1
+    sharp = np.where(mask > 0, np.float32(9.0), np.float32(1.0))
+    np.testing.assert_array_equal(tightened(mask, sharp, CONFIG), mask)
