@@ -188,11 +188,11 @@ def test_interrupted_replay_leaves_a_readable_bag(replay, flight_bag, monkeypatc
     class Interrupted(Detector):
         calls = 0
 
-        def detect(self, live):
+        def detect(self, live, stamp=None):
             Interrupted.calls += 1
             if Interrupted.calls == 3:
                 raise KeyboardInterrupt
-            return super().detect(live)
+            return super().detect(live, stamp)
 
     monkeypatch.setattr(replay_module, 'Detector', Interrupted)
     done, out = replay(flight_bag, '--csv', tmp_path / 'r.csv', '--report', tmp_path / 'r.html')
@@ -206,11 +206,11 @@ def test_ctrl_c_waits_for_the_frame_in_work(replay, flight_bag, monkeypatch):
     class Signalled(Detector):
         calls = 0
 
-        def detect(self, live):
+        def detect(self, live, stamp=None):
             Signalled.calls += 1
             if Signalled.calls == 3:
                 signal.raise_signal(signal.SIGINT)
-            return super().detect(live)
+            return super().detect(live, stamp)
 
     monkeypatch.setattr(replay_module, 'Detector', Signalled)
     before = signal.getsignal(signal.SIGINT)

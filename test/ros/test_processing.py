@@ -29,7 +29,7 @@ def built(monkeypatch):
         def camera_for(self, width):
             return self.camera or Camera.guess(width)
 
-        def detect(self, live):
+        def detect(self, live, stamp=None):
             return 'result'
 
     monkeypatch.setattr(processing, 'Detector', Recorder)
