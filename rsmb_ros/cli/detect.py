@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compare, write, say in one line what came out."""
-    config = load_config(args)
+    config = load_config(args).for_one_frame()
     detector = Detector(read_image(args.reference), config=config, depth=load_depth(args))
     live = read_image(args.live)
     result = detector.detect(live)

@@ -35,7 +35,10 @@ _log = logging.getLogger(__name__)
 # Takes a frame, the reference it was compared with and the result.
 Sink = Callable[[BagFrame, np.ndarray, Result], None]
 
-REGION_COLUMNS = ('kind', 'x', 'y', 'width', 'height', 'area', 'relative_depth', 'score')
+REGION_COLUMNS = (
+    *('kind', 'x', 'y', 'width', 'height', 'area', 'relative_depth', 'score'),
+    *('id', 'first_seen', 'reference_x', 'reference_y'),
+)
 CSV_COLUMNS = ('frame', 'stamp_ns', 'status', *REGION_COLUMNS)
 
 
@@ -158,7 +161,7 @@ def _results(
                 detector = Detector(frame.image, camera, config)
             continue
         try:
-            result = detector.detect(frame.image)
+            result = detector.detect(frame.image, frame.stamp_ns or None)
         except FrameError as error:
             bag.skipped[live.name] += 1
             _log.warning('%s: frame %d of %s skipped: %s', bag.path, frame.index, live.name, error)

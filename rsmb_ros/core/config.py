@@ -160,6 +160,12 @@ class ChangeConfig:
     min_area: float = _number(
         2.6e-4, 'share of frame', 0.0, 0.5, 'smaller regions are dropped; 2.6e-4 = 80 px at 640x480'
     )
+    persistence_seen: int = _number(
+        1, 'frames', 1, 100, 'a region is reported when seen in so many of persistence_frames'
+    )
+    persistence_frames: int = _number(
+        1, 'frames', 1, 100, 'last frames that judged its place; 1 = off, each frame alone'
+    )
 
 
 @dataclass(frozen=True)
@@ -217,7 +223,11 @@ class Config:
                 f'change.threshold_low = {self.change.threshold_low!r} must be below '
                 f'change.threshold_high = {self.change.threshold_high!r}'
             )
-
+        if self.change.persistence_seen > self.change.persistence_frames:
+            raise ConfigError(
+                f'change.persistence_seen = {self.change.persistence_seen!r} must not be above '
+                f'change.persistence_frames = {self.change.persistence_frames!r}'
+            )
         registration = self.registration
         if registration.estimator == 'rows' and registration.degrees_of_freedom == 4:
             raise ConfigError(
@@ -254,6 +264,10 @@ class Config:
                 for name, values in sections.items()
             },
         )
+
+    def for_one_frame(self) -> Config:
+        """Return a copy without persistence: in a single frame nothing is seen twice."""
+        return self.replaced({'change.persistence_seen': 1, 'change.persistence_frames': 1})
 
     def nested(self) -> dict[str, dict[str, Any]]:
         """Return all values as ``{section: {key: value}}``."""

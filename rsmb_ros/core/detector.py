@@ -6,8 +6,8 @@ The one code path of node, replay and `rsmb detect`: reference and live frame in
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, replace
 
 import cv2
 import numpy as np
@@ -24,15 +24,16 @@ from .errors import ConfigError, FrameError
 from .features import FeatureSearch
 from .frame import BlankViews, PathFrame, RegisteredFrame
 from .layered_frame import LayeredStage
-from .layers import Layer
 from .motion import Grid
 from .path_stage import PathStage
+from .persistence import RegionMemory
 from .photometric import luma
 from .reference import Reference
+from .regions import change_region, static_region
 from .row_frame import RowStage
-from .segmentation import Blob, blobs, tightened, without_small, without_thin
+from .segmentation import blobs, drawn, tightened, without_small, without_thin
 from .stream import StreamMemory
-from .types import NOT_REGISTERED, REGISTERED, Region, Result
+from .types import NOT_REGISTERED, REGISTERED, Result
 
 MIN_SIZE = 32  # px, smaller frames hold nothing to register by
 MIN_CONTRAST = 1.5  # grey levels; an image flatter than this has no texture
@@ -62,7 +63,9 @@ class Detector:
     Notes
     -----
     Every frame stands alone, unless `config.stream.hold`: then frames are taken for a stream, and
-    what one teaches about the camera helps the next. Equal sequences still give equal results.
+    what one teaches about the camera helps the next; or `config.change.persistence_frames` > 1:
+    then only changes that several frames show at one place of the reference are reported. Equal
+    sequences still give equal results.
 
     Raises
     ------
@@ -89,6 +92,7 @@ class Detector:
         self._reference = Reference(self.reference, config.camera.gamma, layers)
         self._stages: dict[tuple[int, int], _Stages] = {}
         self._memory = StreamMemory()
+        self._regions = RegionMemory(config.change)
 
     def camera_for(self, width: int) -> Camera:
         """Return the intrinsics used for live frames of `width` px."""
@@ -96,7 +100,7 @@ class Detector:
             return Camera(self.config.camera.focal_px)
         return self._camera or Camera.guess(width)
 
-    def detect(self, live: np.ndarray) -> Result:
+    def detect(self, live: np.ndarray, stamp: int | None = None) -> Result:
         """
         Register one live frame and decide what changed.
 
@@ -104,6 +108,8 @@ class Detector:
         ----------
         live : ndarray of shape (M, N) or (M, N, 3), uint8
             Live frame, grey or BGR; its size may differ from the reference's.
+        stamp : int, optional
+            When it was taken [ns]; only kept, as `Region.first_seen`.
 
         Returns
         -------
@@ -119,9 +125,9 @@ class Detector:
         live = _checked(live, 'live frame')
         # small systems: a threaded BLAS is slower, and collapses when other processes are busy
         with _BLAS.limit(limits=1, user_api='blas'):
-            return self._detect(live)
+            return self._detect(live, stamp)
 
-    def _detect(self, live: np.ndarray) -> Result:
+    def _detect(self, live: np.ndarray, stamp: int | None) -> Result:
         clock = Clock()
         grey = luma(live)
         problem = self._without_texture(grey)
@@ -146,7 +152,7 @@ class Detector:
         if self.config.stream.hold and isinstance(finding.frame, PathFrame):
             assert isinstance(frame, PathFrame)
             self._memory.learn(frame.fit, finding.frame.fit)
-        return self._registered(finding, clock)
+        return self._registered(finding, stamp, clock)
 
     def _following(
         self,
@@ -192,11 +198,24 @@ class Detector:
         frame = stage.shaken(refused, matches)
         return None if frame is None or self._misfit(frame) else frame
 
-    def _registered(self, finding: Finding, clock: Clock) -> Result:
+    def _registered(self, finding: Finding, stamp: int | None, clock: Clock) -> Result:
         frame, seen = finding.frame, finding.seen
         mask = without_small(without_thin(seen.mask * frame.judged), self.config.change)
         mask = without_small(tightened(mask, seen.sharp, self.config.change), self.config.change)
-        regions = [*self._changes(mask, seen.strength), *map(_static_region, finding.layers)]
+        found = blobs(mask)
+        changes = [
+            change_region(blob, seen.strength, self.config.change.threshold_high) for blob in found
+        ]
+        if self._regions.enabled:
+            with clock.step('persistence'):
+                known = self._regions.update(found, frame.path, frame.judged, stamp)
+            mask = drawn([blob for blob, one in zip(found, known, strict=True) if one], mask.shape)
+            changes = [
+                replace(change, **asdict(one))
+                for change, one in zip(changes, known, strict=True)
+                if one
+            ]
+        regions = (*changes, *map(static_region, finding.layers))
         return Result(
             status=REGISTERED,
             reason='',
@@ -205,7 +224,7 @@ class Detector:
             residual=np.where(frame.judged, frame.residual, np.float32(0.0)),
             row_motion=frame.row_motion,
             row_uncertainty=frame.row_uncertainty,
-            regions=tuple(regions),
+            regions=regions,
             exposure_rows=frame.exposure_rows,
             gain=frame.gain,
             timings_ms=clock.timings_ms,
@@ -261,13 +280,6 @@ class Detector:
                 f'have makes them alike, sharpness {sharp:.2f} < {MIN_SHARPNESS}'
             )
         return ''
-
-    def _changes(self, mask: np.ndarray, strength: np.ndarray) -> Iterator[Region]:
-        for blob in blobs(mask):
-            peak = float(strength[blob.box][blob.mask].max())
-            # 0.5 at the threshold, towards 1 as the evidence grows beyond it
-            score = 1.0 - 0.5 * (self.config.change.threshold_high / max(peak, 1e-6)) ** 2
-            yield _region(blob, 'change', float(np.clip(score, 0.0, 1.0)), None)
 
     def _not_registered(self, live: np.ndarray, reason: str, clock: Clock) -> Result:
         rows = live.shape[0]
@@ -325,21 +337,3 @@ def _layers(depth: np.ndarray, reference: np.ndarray, config: Config) -> DepthMa
             'registration.estimator = rows takes no depth map: must be path, or give no depth'
         )
     return DepthMap(checked_depth(depth, reference.shape))
-
-
-def _static_region(layer: Layer) -> Region:
-    return _region(layer.blob, 'static', min(1.0, layer.share), layer.place.relative_depth)
-
-
-def _region(blob: Blob, kind: str, score: float, depth: float | None) -> Region:
-    rows, cols = np.nonzero(blob.mask)
-    return Region(
-        x=blob.x + int(cols.min()),
-        y=blob.y + int(rows.min()),
-        width=int(cols.max() - cols.min()) + 1,
-        height=int(rows.max() - rows.min()) + 1,
-        area=blob.area,
-        kind=kind,
-        score=score,
-        relative_depth=depth,
-    )

@@ -119,3 +119,11 @@ def blobs(mask: np.ndarray) -> list[Blob]:
         x, y, width, height = (int(value) for value in stats[n, :4])
         found.append(Blob(labels[y : y + height, x : x + width] == n, x, y))
     return found
+
+
+def drawn(found: list[Blob], shape: tuple[int, ...]) -> np.ndarray:
+    """Draw blobs into an empty mask of `shape` (M, N), uint8 0/1."""
+    mask = np.zeros(shape, np.uint8)
+    for blob in found:
+        mask[blob.box] |= blob.mask
+    return mask

@@ -29,6 +29,11 @@ class Region:
     kind: str  # 'change': not in the reference; 'static': in it, at another depth
     score: float  # confidence that `kind` is right, 0..1
     relative_depth: float | None = None  # d_l, background = 1, nearer < 1; None for a change
+    # of changes with `change.persistence_frames` > 1, else None:
+    id: int | None = None  # the same object in all frames of one detector, from 1
+    first_seen: int | None = None  # stamp of the first frame that showed it [ns]; None: unknown
+    reference_x: float | None = None  # column of its centre on the reference's ground [px]
+    reference_y: float | None = None  # row of its centre on the reference's ground [px]
 
 
 class Views(Protocol):

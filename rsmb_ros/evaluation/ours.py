@@ -34,7 +34,7 @@ class Ours:
     source = 'this project: continuous camera path, layers; its defaults'
 
     def __init__(self, config: Config, settings: Mapping[str, object] | None = None) -> None:
-        self._config = config.replaced(dict(settings or {}))
+        self._config = config.replaced(dict(settings or {})).for_one_frame()
 
     def __call__(self, reference: np.ndarray, live: np.ndarray, focal_px: float | None) -> Outcome:
         """Compare a live frame with the reference."""

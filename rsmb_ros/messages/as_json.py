@@ -9,6 +9,8 @@ from typing import Any
 
 from rsmb_ros.core.types import MOTION_COLUMNS, MOTION_UNITS, Result
 
+from .stamps import NS_PER_S
+
 
 def result_to_dict(
     result: Result, stamp: Any | None = None, frame_id: str | None = None
@@ -61,6 +63,10 @@ def _region(region: Any) -> dict[str, Any]:
         'kind': region.kind,
         'relative_depth': _number(region.relative_depth),
         'score': _number(region.score),
+        'id': region.id,
+        'first_seen': None if region.first_seen is None else _time(region.first_seen),
+        'reference_x': _number(region.reference_x),
+        'reference_y': _number(region.reference_y),
     }
 
 
@@ -73,6 +79,11 @@ def _row_motion(result: Result) -> list[dict[str, float | None]]:
         dict(zip(names, map(_number, (*row, uncertainty)), strict=True))
         for row, uncertainty in zip(result.row_motion, result.row_uncertainty, strict=True)
     ]
+
+
+def _time(stamp: int) -> dict[str, int]:
+    sec, nanosec = divmod(stamp, NS_PER_S)
+    return {'sec': sec, 'nanosec': nanosec}
 
 
 def _number(value: float | None) -> float | None:

@@ -243,7 +243,7 @@ class RsmbNode(Node):
         self.get_logger().info(f'kernels compiled in {time.monotonic() - start:.1f} s')
 
     def _process(self, frame: _Frame) -> bool:
-        result = self._processing.detect(frame.image)
+        result = self._processing.detect(frame.image, frame.stamp_ns or None)
         if result is None:
             return False
         if not self._worker.stopping:

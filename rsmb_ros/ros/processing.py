@@ -50,13 +50,13 @@ class Processing:
         self._detector = None
         self._current_detector(image)
 
-    def detect(self, live: np.ndarray) -> Result | None:
-        """Return the result for a live image, None while there is no reference."""
+    def detect(self, live: np.ndarray, stamp: int | None = None) -> Result | None:
+        """Return the result for a live image taken at `stamp` [ns], None without a reference."""
         if self._reference is None:
             return None
         detector = self._current_detector(self._reference)
         self._log_guess_once(detector.camera_for(live.shape[1]))
-        return detector.detect(live)
+        return detector.detect(live, stamp)
 
     def _current_detector(self, reference: np.ndarray) -> Detector:
         wanted = (self.config, self.info_focal_px)

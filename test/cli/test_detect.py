@@ -55,6 +55,16 @@ def test_json_has_result_configuration_and_version(detect, flight):
     np.testing.assert_allclose(found_box, (x, y, width, height), atol=8)  # px, its rim
 
 
+def test_a_pair_is_judged_alone_whatever_a_stream_would_wait_for(detect):
+    _, out = detect(
+        'live_2.png',
+        *('--set', 'change.persistence_frames=5', '--set', 'change.persistence_seen=3'),
+    )
+    found = json.loads((out / 'result.json').read_text())
+    assert [region['kind'] for region in found['regions']] == ['change']
+    assert found['config']['change']['persistence_seen'] == 1
+
+
 def test_one_line_says_what_came_out(detect):
     done, out = detect('live_2.png')
     assert done.out.count('\n') == 1

@@ -113,6 +113,31 @@ def test_csv_has_a_line_per_region_and_per_frame_without(
             assert float(line['score']) == pytest.approx(region.score)
 
 
+def test_regions_that_last_are_named_with_the_stamp_of_their_first_frame(
+    replay, flight, flight_bag, focal_px, tmp_path
+):
+    lasting = ('change.persistence_frames=3', 'change.persistence_seen=2')
+    options = [word for one in lasting for word in ('--set', one)]
+    _, out = replay(flight_bag, '--csv', tmp_path / 'regions.csv', *options)
+    config = Config.from_mapping(
+        {'change': {'persistence_seen': 2, 'persistence_frames': 3}, 'camera.focal_px': focal_px}
+    )
+    detector = Detector(flight.reference, config=config)
+    wanted = [
+        detector.detect(image, stamp)
+        for image, stamp in zip(flight.live, flight.stamps(), strict=True)
+    ]
+    with (tmp_path / 'regions.csv').open(newline='') as stream:
+        lines = [line for line in csv.DictReader(stream) if line['id']]
+    found = [(line['id'], line['first_seen'], float(line['reference_x'])) for line in lines]
+    regions = [region for result in wanted for region in result.changes]
+    assert found == [(str(one.id), str(one.first_seen), one.reference_x) for one in regions]
+    assert regions
+    masks = images_of(out, '/rsmb/change_mask').values()
+    for mask, result in zip(masks, wanted, strict=True):
+        np.testing.assert_array_equal(mask, result.change_mask)
+
+
 def test_report_shows_the_frames(replay, flight_bag, tmp_path):
     done, _ = replay(flight_bag, '--report', tmp_path / 'report.html')
     page = (tmp_path / 'report.html').read_text()
@@ -188,11 +213,11 @@ def test_interrupted_replay_leaves_a_readable_bag(replay, flight_bag, monkeypatc
     class Interrupted(Detector):
         calls = 0
 
-        def detect(self, live):
+        def detect(self, live, stamp=None):
             Interrupted.calls += 1
             if Interrupted.calls == 3:
                 raise KeyboardInterrupt
-            return super().detect(live)
+            return super().detect(live, stamp)
 
     monkeypatch.setattr(replay_module, 'Detector', Interrupted)
     done, out = replay(flight_bag, '--csv', tmp_path / 'r.csv', '--report', tmp_path / 'r.html')
@@ -206,11 +231,11 @@ def test_ctrl_c_waits_for_the_frame_in_work(replay, flight_bag, monkeypatch):
     class Signalled(Detector):
         calls = 0
 
-        def detect(self, live):
+        def detect(self, live, stamp=None):
             Signalled.calls += 1
             if Signalled.calls == 3:
                 signal.raise_signal(signal.SIGINT)
-            return super().detect(live)
+            return super().detect(live, stamp)
 
     monkeypatch.setattr(replay_module, 'Detector', Signalled)
     before = signal.getsignal(signal.SIGINT)

@@ -51,6 +51,15 @@ def test_misspelt_key_names_the_near_one():
         Config.from_mapping({'shutter': {'exposure_row': 1.0}})
 
 
+def test_persistence_cannot_ask_for_more_frames_than_it_keeps():
+    with pytest.raises(ConfigError, match=r'persistence_seen = 3 .*persistence_frames = 2'):
+        Config.from_mapping({'change': {'persistence_seen': 3, 'persistence_frames': 2}})
+    three_of_five = Config.from_mapping(
+        {'change': {'persistence_seen': 3, 'persistence_frames': 5}, 'shutter.exposure_rows': 9}
+    )
+    assert three_of_five.for_one_frame() == Config.from_mapping({'shutter.exposure_rows': 9})
+
+
 def test_thresholds_must_be_in_order():
     with pytest.raises(ConfigError, match='threshold_low'):
         Config.from_mapping({'change.threshold_low': 5.0})

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -126,10 +127,22 @@ def test_regions_json_says_what_was_found_and_when(make_result):
                 'kind': 'change',
                 'relative_depth': None,
                 'score': 0.5,
+                'id': None,
+                'first_seen': None,
+                'reference_x': None,
+                'reference_y': None,
             }
         ],
         'timings_ms': {'coarse': 2.5},
     }
+
+
+def test_region_that_lasts_has_a_name_a_time_and_a_place(make_result):
+    known = Region(1, 2, 3, 4, 11, 'change', 0.5, None, 7, 12_000_000_034, 20.5, 30.25)
+    (region,) = summary_to_dict(replace(make_result(), regions=(known,)))['regions']
+    assert region['id'] == 7
+    assert region['first_seen'] == {'sec': 12, 'nanosec': 34}
+    assert (region['reference_x'], region['reference_y']) == (20.5, 30.25)
 
 
 def test_rows_are_named_with_their_units(make_result):

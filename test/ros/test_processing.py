@@ -29,7 +29,8 @@ def built(monkeypatch):
         def camera_for(self, width):
             return self.camera or Camera.guess(width)
 
-        def detect(self, live):
+        def detect(self, live, stamp=None):
+            self.stamps = [*getattr(self, 'stamps', ()), stamp]
             return 'result'
 
     monkeypatch.setattr(processing, 'Detector', Recorder)
@@ -55,6 +56,12 @@ def test_detector_is_built_once_for_a_reference(process, built):
     assert len(built) == 1  # before the first frame needs it
     assert [process.detect(IMAGE), process.detect(IMAGE)] == ['result', 'result']
     assert len(built) == 1
+
+
+def test_stamp_of_a_frame_reaches_the_detector(process):
+    process.set_reference(IMAGE)
+    process.detect(IMAGE, 42)
+    assert process._detector.stamps == [42]
 
 
 def test_new_configuration_is_taken_up_with_the_next_frame(process, built):
