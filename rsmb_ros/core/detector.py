@@ -143,8 +143,11 @@ class Detector:
                 problem = self._misfit(frame)
         if problem:
             with clock.step('second start'):
-                found = self._second_start(stage, live, grey, features.match(grey))
-                found = found or self._shaken(stage, frame, matches)
+                others = (
+                    self._second_start(stage, live, grey, features.match(grey)),
+                    self._shaken(stage, frame, matches),
+                )
+                found = min(filter(None, others), key=lambda one: one.cost, default=None)
                 frame, problem = (found, '') if found else (frame, problem)
         if problem:
             return self._not_registered(live, problem, clock)

@@ -19,6 +19,7 @@ from .render import Window, blurred, rectified
 from .sampling import defocused
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
+MAX_RESIDUAL = 30.0  # grey levels; beyond that a pixel shows something else
 CLIPPED_STEP = 3.0  # px between instants where only the place of clipped parts matters
 CLIPPED_SHARE = 0.03  # of the exposure, from which on clipped parts of the reference matter
 
@@ -52,6 +53,12 @@ class RegisteredFrame(ABC):
         edge = cv2.copyMakeBorder(self.complete.astype(np.uint8), *[1] * 4, cv2.BORDER_CONSTANT)
         inner = cv2.erode(edge, np.ones((BORDER, BORDER), np.uint8))[1:-1, 1:-1] > 0
         self.judged = inner & ~self._clipped()
+
+    @property
+    def cost(self) -> float:
+        """Mean truncated residual where the frame is judged [grey levels]; compares starts."""
+        known = np.abs(self.residual[self.judged])
+        return float(np.minimum(known, MAX_RESIDUAL).mean()) if known.size else np.inf
 
     @property
     @abstractmethod
