@@ -126,3 +126,8 @@ def test_place_is_that_of_the_last_frame_until_it_is_lost():
     assert memory.exposure_rows == pytest.approx(30.5), 'the camera is the same'
     memory.learn(fit(30.0, offset=(7.0, 7.0)), fit(30.0, offset=(8.0, 7.0)))
     np.testing.assert_allclose(memory.place, (8.0, 7.0))
+
+
+def test_after_a_change_of_exposure_old_costs_say_nothing():
+    memory = taught(*[fit(30.0, cost=1.0)] * CALIBRATION, fit(60.0, cost=5.0))
+    assert memory.plausible(fit(60.0, cost=5.0))
