@@ -216,13 +216,20 @@ def paler_roof(ground, executor):
     pale = 128 + 0.85 * (before.texture.astype(float) - 128)
     painted = pale.copy()
     painted[20:32, 36:54] -= 60.0  # of 125
+    repainted = pale.copy()
+    repainted[24:46, 30:60] = 30.0
+    repainted[30:40, 36:54] = 200.0
     return {
         name: known_frame(
             scene(ground, before),
             executor,
             after=scene(ground, replace(before, texture=texture.astype(np.uint8))),
         )
-        for name, texture in (('plain', pale), ('painted', painted))
+        for name, texture in (
+            ('plain', pale),
+            ('painted', painted),
+            ('repainted', repainted),
+        )
     }
 
 
@@ -243,3 +250,12 @@ def test_a_new_object_stands_out_on_a_roof_that_fits_less_well(paler_roof):
     assert np.count_nonzero(changed) > 100
     assert cover_of(layer)[changed].mean() < 0.2
     assert cover_of(layer)[found.truth.layers > 0].mean() > 0.7
+
+
+def test_only_what_looks_alike_may_fit_less_well(paler_roof):
+    """A large new thing on the same roof: nothing may be forgiven then."""
+    found = paler_roof['repainted']
+    layer = found.search.explain(largest(found, found.truth.layers > 0))
+    assert layer is None or layer.place.misfit == 1.0
+    changed = np.abs(found.frame.grey - paler_roof['plain'].frame.grey) > 30
+    assert cover_of(layer)[changed].mean() < 0.1

@@ -10,7 +10,7 @@ import pytest
 from rsmb_ros.core.motion import Grid, still_path
 from rsmb_ros.core.path_fit import PathFit
 from rsmb_ros.core.photometric import Light
-from rsmb_ros.core.stream import CALIBRATION, LEAST_ERROR, REMEMBERED, StreamMemory
+from rsmb_ros.core.stream import CALIBRATION, LEAST_ERROR, StreamMemory
 
 GRID = Grid((40, 48), (44, 52), 60.0)
 
@@ -73,10 +73,9 @@ def test_exposure_is_held_after_enough_frames_and_not_before():
 
 
 def test_old_frames_are_forgotten():
-    slowly = [fit(own, sigma=2.0) for own in np.linspace(30.0, 36.0, 3 * REMEMBERED)]
-    memory = taught(*slowly)
-    last = np.linspace(30.0, 36.0, 3 * REMEMBERED)[-REMEMBERED:]
-    assert memory.exposure_rows == pytest.approx(np.median(last), abs=0.1)
+    owns = np.linspace(30.0, 36.0, 90)
+    memory = taught(*[fit(own, sigma=2.0) for own in owns])
+    assert memory.exposure_rows == pytest.approx(np.median(owns[-30:]), abs=0.1)
 
 
 @pytest.mark.parametrize(
@@ -127,3 +126,8 @@ def test_place_is_that_of_the_last_frame_until_it_is_lost():
     assert memory.exposure_rows == pytest.approx(30.5), 'the camera is the same'
     memory.learn(fit(30.0, offset=(7.0, 7.0)), fit(30.0, offset=(8.0, 7.0)))
     np.testing.assert_allclose(memory.place, (8.0, 7.0))
+
+
+def test_after_a_change_of_exposure_old_costs_say_nothing():
+    memory = taught(*[fit(30.0, cost=1.0)] * CALIBRATION, fit(60.0, cost=5.0))
+    assert memory.plausible(fit(60.0, cost=5.0))

@@ -7,14 +7,14 @@ import math
 import numpy as np
 from numba import njit
 
-from .geometry import OPTIONS, homography, instant_offset
+from .geometry import INLINED, OPTIONS, homography, instant_offset
 from .render import pose_at
 
 TILE = 8  # px, side of the squares that are asked first which layers they may show
 MIXED, SMOOTH = -1, -2  # tiles that show several layers, or one surface without an edge
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def parallax(q, focal, half_width, h, far, slope):
     """
     Write H at infinite depth, and how the third column of H changes with 1/d: (3,).
@@ -27,7 +27,7 @@ def parallax(q, focal, half_width, h, far, slope):
     slope[2] = h[8] - far[8]
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def deepen_columns(
     inverse_depth, h, slope, focal, half_width, g_x, g_y, column,
 ):
@@ -52,7 +52,7 @@ def deepen_columns(
         column[5, p] -= excess * tilt * g_y[p]
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def instants(time, exposure, count, control, first_time, knot_rows, focal, half_width, hs, slopes):
     """Write homographies (count, 9) and their `parallax` (count, 3) of one exposure."""
     q = np.zeros(6)
@@ -235,7 +235,7 @@ def composite_rows(
             sure[row, column] = found[2] / np.float32(count)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def add_surface(hs, slopes, count, x, y, center, fine, half_columns, surface, found):
     """Write light, covered and trusted instants of a pixel x, y (centred) of one smooth surface."""
     u_limit = surface.shape[1] - 1.0
@@ -259,7 +259,7 @@ def add_surface(hs, slopes, count, x, y, center, fine, half_columns, surface, fo
     found[2] = covered
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def add_layers(
     hs, slopes, count, x, y, center, fine, half_columns, members, near, radius, uneven, layers,
     seen, misplaced, found,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from .geometry import OPTIONS
+from .geometry import INLINED, OPTIONS
 
 EXTRA = 7  # unknowns after the control points: four gain coefficients, bias, exposure, defocus
 SPARE = 3  # further rows of a Jacobian that are read, never used: sums are made four at a time
@@ -38,7 +38,7 @@ def strongest_gradients(image, rows, columns, values):
             values[r, b] = image[y, best_x]
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def place_row(
     half_rows, half_columns, columns, h, row, level, center, at, f_u, f_v, u_out, v_out, inside,
     inverse_depth, r, nearer,
@@ -88,7 +88,7 @@ def place_row(
         v_out[p] = np.float32(v - mid_v)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def read_row(fine, half_columns, at, f_u, f_v, scale, value, g_x, g_y):
     """Write value and gradient [1/px of the full image] of the half-pixel reference in cells."""
     below = np.uint64(half_columns)
@@ -106,7 +106,7 @@ def read_row(fine, half_columns, at, f_u, f_v, scale, value, g_x, g_y):
         g_y[p] = (bottom - top) * scale
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def add_values(fine, half_columns, at, f_u, f_v, share, out):
     """Add `share` of the half-pixel image in cells to `out`."""
     below = np.uint64(half_columns)
@@ -118,7 +118,7 @@ def add_values(fine, half_columns, at, f_u, f_v, share, out):
         out[p] += share * (top + f_v[p] * (bottom - top))
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def judge_row(
     columns, values, mean, y_n, level, center, half_width, light, gamma, gain, slope, residual
 ):
@@ -134,7 +134,7 @@ def judge_row(
         residual[p] = values[p] - shown
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def weigh_row(residual, edges, inside, sigma, misplaced, tukey, weight):
     """Write robust weights (Tukey or Huber); an edge is only as informative as its place."""
     noise = np.float32(sigma * sigma)
@@ -153,7 +153,7 @@ def weigh_row(residual, edges, inside, sigma, misplaced, tukey, weight):
             weight[p] = huber * share * inside[p]
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def finish_row(
     columns, mean, mean_soft, stretch, y_n, level, center, half_width, gain, slope, active,
     jacobian,
@@ -174,7 +174,7 @@ def finish_row(
         jacobian[active + 6, p] = mean_soft[p] * gain[p] * slope[p]
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def add_row(
     jacobian, weight, residual, inside, active, base, extra, weighted, normal, gradient
 ):
@@ -207,7 +207,7 @@ def add_row(
     mark_outside(inside, residual)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def mark_outside(inside, residual):
     """Give points without reference, or switched off, a residual of 1e9."""
     for p in range(inside.size):

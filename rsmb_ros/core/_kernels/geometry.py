@@ -7,6 +7,10 @@ import math
 from numba import njit
 
 OPTIONS = {'cache': True, 'nogil': True, 'fastmath': True, 'error_model': 'numpy'}
+# Of kernels that kernels call. Not inlined, they exist twice, compiled alone and in the caller, and
+# which one runs depends on whether the caller was compiled or came from the cache; fastmath sums
+# then differ in their last bits.
+INLINED = {**OPTIONS, 'forceinline': True}
 
 
 @njit(inline='always', **OPTIONS)
@@ -49,7 +53,7 @@ def instant_offset(k, count):
     return ((k + 0.5) / count - 0.5) * count / math.sqrt(count * count - 1.0)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def rotation(r_x, r_y, r_z, out):
     """Write R = exp([r]_x) [rad] as nine numbers, row by row (Rodrigues)."""
     angle2 = r_x * r_x + r_y * r_y + r_z * r_z
@@ -71,7 +75,7 @@ def rotation(r_x, r_y, r_z, out):
     out[8] = 1.0 - b * (r_x * r_x + r_y * r_y)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def homography(q, focal, half_width, inverse_depth, out):
     """
     Write H = R + T n^T / d between centred pixels, for path coordinates `q` (see `motion`).

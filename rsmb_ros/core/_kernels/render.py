@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from .geometry import OPTIONS, basis, homography, instant_offset, span
+from .geometry import INLINED, OPTIONS, basis, homography, instant_offset, span
 
 BENT = 0.003  # px, largest error of places along a piece of a row
 
@@ -22,7 +22,7 @@ def half_place(h, a0, b0, c0, x, center):
     return u, v
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def pose_at(time, control, first_time, knot_rows, q):
     """Write the path coordinates at `time` into `q`."""
     b = np.empty(4)
@@ -47,7 +47,7 @@ def cells(fraction, slope):
     return 1000000
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def add_run(fine, at, stride, f_u, s_u, f_v, s_v, share, out, to, count):
     """
     Add `share` of the reference, read along a row from cell `at` on, to out[to:], both flat.

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
-from .geometry import OPTIONS
+from .geometry import INLINED, OPTIONS
 
 MOST_ACTIVE = 96  # poses with weight at a time; a row ends with 5 to 20
 MOST_EXCHANGES = 400  # times that poses enter
@@ -23,7 +23,7 @@ LEAST_DAMPING = 1e-3  # weight of pixels beyond delta in a Newton step, against 
 RIDGE = 1e-11  # of the mean diagonal; keeps equal columns apart
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def huber_cost(residual, delta):
     """Return sum of r^2 / 2 where |r| <= delta, else delta |r| - delta^2 / 2."""
     total = 0.0
@@ -50,7 +50,7 @@ def _weighted_dot(matrix, k, m, weight):
     return total
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def _slope_along(residual, move, t, delta):
     """Return minus the slope of the Huber cost of r - t move, without the l1 term."""
     total = 0.0
@@ -59,7 +59,7 @@ def _slope_along(residual, move, t, delta):
     return total
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def _length_along(residual, move, step_sum, lambda_1, longest, delta):
     """Return where in (0, longest] the cost is least along a descent direction."""
     high = longest
@@ -85,7 +85,7 @@ def _length_along(residual, move, step_sum, lambda_1, longest, delta):
     return low if low > 0.0 else high
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def _solve_spd(matrix, size, vector):
     """Solve in place with the lower triangle of `matrix`; dependent unknowns do not move."""
     mean = 0.0
@@ -113,7 +113,7 @@ def _solve_spd(matrix, size, vector):
         vector[p] = total / matrix[p, p]
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def _residual(live, design, share, used, out):
     """Write r = g - F w over the poses in use."""
     for x in range(live.size):
@@ -123,7 +123,7 @@ def _residual(live, design, share, used, out):
             out[x] -= share[p] * design[p, x]
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def _leave(p, used, active, design, share):
     """Take pose number `p` of those in use out; return how many are left."""
     last = used - 1
@@ -134,7 +134,7 @@ def _leave(p, used, active, design, share):
     return last
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def _settle(used, active, design, share, residual, lambda_1, delta, small, psi, weight, move):
     """
     Minimise over the poses in use, w >= 0, by semismooth Newton steps; return how many are left.

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from .geometry import OPTIONS, rotation
+from .geometry import INLINED, OPTIONS, rotation
 
 UNSEEN = -1e6  # value of a warped pixel that lies outside the reference
 
@@ -28,7 +28,7 @@ def bilinear(fine, half_rows, half_columns, u, v):
     return top + f_v * (bottom - top)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def pose_homography(pose, focal, inverse_depth, out):
     """Write H = K (R + T n^T / d) K^-1 between centred pixels for tau = `pose` (Eq. 2)."""
     rotation(math.radians(pose[4]), math.radians(pose[5]), math.radians(pose[2]), out)
