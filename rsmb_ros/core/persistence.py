@@ -161,8 +161,8 @@ class RegionMemory:
     def _see_again(self, track: _Track, place: Blob, near: list[_Pair]) -> None:
         """Remember a region at its new place, unless that is only a piece, or several regions."""
         self._sight(track)
-        own = next(pair for pair in near if self._tracks[pair.track] is track)
-        if own.of_track > COVERED and sum(pair.of_track > COVERED for pair in near) == 1:
+        whole = [self._tracks[pair.track] for pair in near if pair.of_track > COVERED]
+        if len(whole) == 1 and whole[0] is track:
             track.place, track.points = place, _some_points(place)
 
     def _new(self, place: Blob, near: list[_Pair], stamp: int | None) -> _Track:

@@ -105,6 +105,26 @@ def test_near_objects_keep_their_ids_though_they_merge_and_part():
     assert [known.id for known in apart] == [2, 1]
 
 
+def test_objects_that_look_like_one_for_a_while_are_both_seen():
+    remembered = memory(3, 5)
+    left, right = block(50, 60), block(72, 60)
+    for found in ([left, right], [block(50, 60, width=42)], [left, right]):
+        known = remembered.update(found, HOME, ALL)
+    assert [one.id for one in known] == [1, 2]
+
+
+def test_object_that_has_gone_is_not_seen_in_the_one_it_had_merged_with():
+    remembered = memory(2, 4)
+    left, right = block(50, 60), block(72, 60)
+    for found in ([left, right], [left, right], [block(50, 60, width=42)]):
+        remembered.update(found, HOME, ALL)
+    for _ in range(5):
+        assert remembered.update([left], HOME, ALL)[0]
+    known, new = remembered.update([left, right], HOME, ALL)
+    assert known.id == 1
+    assert new is None
+
+
 def test_pieces_of_a_confirmed_object_are_no_news():
     remembered = memory(3, 5)
     for stamp in range(4):
@@ -113,7 +133,8 @@ def test_pieces_of_a_confirmed_object_are_no_news():
     one, other = remembered.update(pieces, HOME, ALL, 4)
     assert one.id == whole.id != other.id
     assert one.first_seen == other.first_seen == 0
-    (again,) = remembered.update([block(50, 60, width=40)], HOME, ALL, 5)
+    remembered.update([block(50, 60, width=8)], HOME, ALL, 5)
+    (again,) = remembered.update([block(50, 60, width=40)], HOME, ALL, 6)
     assert again.id == whole.id
 
 
