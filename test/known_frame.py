@@ -48,7 +48,13 @@ class KnownFrame:
         """Search for the depths of its objects."""
         frame = self.frame
         return DepthSearch(
-            frame.grey, self.noise, frame.render, frame.path, LayersConfig(), ChangeConfig()
+            frame.grey,
+            self.noise,
+            frame.render,
+            frame.sketch,
+            frame.path,
+            LayersConfig(),
+            ChangeConfig(),
         )
 
     def blobs_on(self, place: np.ndarray) -> list[Blob]:
