@@ -96,11 +96,11 @@ def test_a_neighbours_depth_is_taken_before_all_others(houses):
         asked.append(depth)
         return found.frame.render(depth, window, shift)
 
-    layer = replace(found.search, render=render).explain(blob, [neighbour])
+    layer = replace(found.search, sketch=render).explain(blob, [neighbour])
     assert abs(layer.place.relative_depth - 0.86) < 0.02
     assert min(asked) > 0.8
     far_off = replace(neighbour, blob=replace(neighbour.blob, x=0, y=0))
-    replace(found.search, render=render).explain(blob, [far_off])
+    replace(found.search, sketch=render).explain(blob, [far_off])
     assert min(asked) < 0.4
 
 

@@ -57,9 +57,9 @@ def test_an_uncertain_place_widens_sigma_on_edges_only():
     sigma = table(step, place)
     np.testing.assert_allclose(sigma[:, :30], table(step)[:, :30], rtol=1e-6)
     np.testing.assert_array_equal(sigma[:30], table(step)[:30])
-    # at the edge the gradient is 40 grey levels / px: 0.3 px are 12
+    # at the edge the gradient is 40 grey levels / px: 0.3 px are 12, two deviations 24
     added = np.sqrt(sigma[40, 39] ** 2 - table(step)[40, 39] ** 2)
-    assert abs(added - 0.3 * 40.0) < 0.1
+    assert abs(added - 2 * 0.3 * 40.0) < 0.1
 
 
 def test_edges_in_doubtful_rows_raise_less_evidence(plane, executor):
