@@ -16,8 +16,9 @@ import numpy as np
 
 from .coarse import StripMatches, start_path
 from .config import Config
-from .level_fit import MOST_CHANGE, SHARP_ROWS, Level, LevelFit
+from .level_fit import SHARP_ROWS, LevelFit
 from .motion import CameraPath, Grid, still_path
+from .normal_equations import MOST_CHANGE, Level
 from .path_fit import PathFit
 from .photometric import Light, to_display
 from .points import Points, select_points

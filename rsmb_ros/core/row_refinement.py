@@ -15,8 +15,9 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from .config import Config
-from .level_fit import MOST_CHANGE, SHARP_ROWS
+from .level_fit import SHARP_ROWS
 from .motion import Grid, still_path
+from .normal_equations import MOST_CHANGE
 from .path_estimator import PathEstimator
 from .path_fit import PathFit
 from .points import Points
