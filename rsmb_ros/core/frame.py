@@ -161,7 +161,7 @@ class RegisteredFrame(ABC):
             inside = front.inside & complete
             self.predicted[front.window.box][inside] = own[inside]
             self.misfit[front.window.box][inside] = front.place.misfit
-            self.judged[front.window.box] &= ~(front.edge | (front.inside & ~complete))
+            self.judged[front.window.box] &= ~front.edge
         self.residual = self.grey - self.predicted
 
     def rectified(self) -> np.ndarray:

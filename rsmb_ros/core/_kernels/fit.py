@@ -17,22 +17,7 @@ from .fit_row import (
     read_row,
     weigh_row,
 )
-from .geometry import OPTIONS, basis, basis_slope, homography, instant_offset, span
-
-
-@njit(inline='always', **OPTIONS)
-def instant(time, control, first_time, knot_rows, b, q):
-    """Write spline weights and path coordinates at `time`; return the span and the place in it."""
-    j, fraction = span(time, first_time, knot_rows, control.shape[0])
-    basis(fraction, b)
-    for e in range(6):
-        q[e] = (
-            b[0] * control[j, e]
-            + b[1] * control[j + 1, e]
-            + b[2] * control[j + 2, e]
-            + b[3] * control[j + 3, e]
-        )
-    return j, fraction
+from .geometry import OPTIONS, basis_slope, homography, instant, instant_offset, span
 
 
 @njit(**OPTIONS)

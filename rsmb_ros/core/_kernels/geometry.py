@@ -43,6 +43,21 @@ def span(time, first_time, knot_rows, knots):
 
 
 @njit(inline='always', **OPTIONS)
+def instant(time, control, first_time, knot_rows, b, q):
+    """Write spline weights and path coordinates at `time`; return the span and the place in it."""
+    j, fraction = span(time, first_time, knot_rows, control.shape[0])
+    basis(fraction, b)
+    for e in range(6):
+        q[e] = (
+            b[0] * control[j, e]
+            + b[1] * control[j + 1, e]
+            + b[2] * control[j + 2, e]
+            + b[3] * control[j + 3, e]
+        )
+    return j, fraction
+
+
+@njit(inline='always', **OPTIONS)
 def instant_offset(k, count):
     """
     Return where instant `k` of `count` >= 2 lies in an exposure, -0.5..0.5.

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from .geometry import INLINED, OPTIONS, basis, homography, instant_offset, span
+from .geometry import INLINED, OPTIONS, homography, instant, instant_offset
 
 BENT = 0.003  # px, largest error of places along a piece of a row
 
@@ -25,16 +25,7 @@ def half_place(h, a0, b0, c0, x, center):
 @njit(**INLINED)
 def pose_at(time, control, first_time, knot_rows, q):
     """Write the path coordinates at `time` into `q`."""
-    b = np.empty(4)
-    j, fraction = span(time, first_time, knot_rows, control.shape[0])
-    basis(fraction, b)
-    for e in range(6):
-        q[e] = (
-            b[0] * control[j, e]
-            + b[1] * control[j + 1, e]
-            + b[2] * control[j + 2, e]
-            + b[3] * control[j + 3, e]
-        )
+    instant(time, control, first_time, knot_rows, np.empty(4), q)
 
 
 @njit(inline='always', **OPTIONS)
