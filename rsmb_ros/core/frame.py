@@ -10,7 +10,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from .layers import NO_SHIFT, Front, Layer, fronts
+from .layers import NO_SHIFT, Front, Fronts, Layer
 from .motion import CameraPath, shifted
 from .path_fit import PathFit, row_uncertainty
 from .photometric import mixed, to_display
@@ -46,7 +46,8 @@ class RegisteredFrame(ABC):
         self.grey = grey
         self._reference = reference
         self._executor = executor
-        self._fronts: list[Front] = []
+        self._fronts: list[Front] = []  # farthest first
+        self._in_front: dict[Front, tuple[np.ndarray, np.ndarray]] = {}  # as `render` shows them
         self.predicted, self.complete = self.predict()
         self.residual = grey - self.predicted
         self.misfit = np.ones(grey.shape, np.float32)
@@ -149,19 +150,31 @@ class RegisteredFrame(ABC):
     def foreground(self, layers: list[Layer]) -> np.ndarray:
         """Where `layers` hide the background or may do so (M, N) bool."""
         mask = np.zeros(self.grey.shape, bool)
-        for front in fronts(layers, self.path, self._executor):
+        for front in self._hidden.of(layers):
             mask[front.window.box] |= front.inside | front.edge
         return mask
 
+    @cached_property
+    def _hidden(self) -> Fronts:
+        return Fronts(self.path)
+
     def put_in_front(self, layers: list[Layer]) -> None:
         """Composite static objects over the background; their edges are no longer judged."""
-        self._fronts = fronts(layers, self.path, self._executor)
+        self._fronts = self._hidden.of(layers)
         for front in self._fronts:
-            own, complete = self.render(front.place.relative_depth, front.window, front.place.shift)
-            inside = front.inside & complete
-            self.predicted[front.window.box][inside] = own[inside]
-            self.misfit[front.window.box][inside] = front.place.misfit
             self.judged[front.window.box] &= ~front.edge
+            if front.core is None:
+                continue
+            if front not in self._in_front:
+                place = front.place
+                self._in_front[front] = self.render(place.relative_depth, front.core, place.shift)
+            own, complete = self._in_front[front]
+            box, inside = front.core.box, front.covered
+            shown = inside & complete
+            self.predicted[box][shown] = own[shown]
+            self.misfit[box][shown] = front.place.misfit
+            # it hides the ground there, but the reference does not show it
+            self.judged[box] &= complete | ~inside
         self.residual = self.grey - self.predicted
 
     def rectified(self) -> np.ndarray:

@@ -7,21 +7,23 @@ What such an object uncovers or half covers cannot be judged.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 
-from .motion import CameraPath, shifted
-from .render import Window, blurred
-from .sampling import half_pixel
+from ._kernels.cover import draw_masks, watch_cover
+from .motion import CameraPath, Grid, homographies
+from .render import Window
 from .segmentation import Blob
 
 GAP = 0.04  # of the width: gaps in an object's outline that still belong to it
 EDGE = 9  # px: an object's outline is known to half of this
 RIM = 0.02  # share of the exposure that makes a pixel a rim
+STEP_PX = 2.0  # px an object moves between two looks at it; its outline, drawn by EDGE, has no gaps
+SURE = 2  # in a cover; 1: perhaps, 0: not
 
 NO_SHIFT = (0.0, 0.0)
 
@@ -35,7 +37,7 @@ class Place:
     misfit: float = 1.0  # >= 1, its residuals over the frame's noise: rich texture fits less well
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Layer:
     """One static object at its place."""
 
@@ -45,56 +47,147 @@ class Layer:
     share: float  # of the object that the place explains, 0..1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Front:
     """What hides the background at one depth."""
 
     place: Place
-    window: Window  # the two masks' part of the live frame
+    window: Window  # the two masks' part of the live frame, as small as it can be
     inside: np.ndarray  # bool, surely covered during the whole exposure
     edge: np.ndarray  # bool, perhaps covered, or uncovered: cannot be judged
 
+    @cached_property
+    def core(self) -> Window | None:
+        """The smallest window around what is surely covered; None: nothing is."""
+        return None if self._core is None else within(self.window, self._core)
 
-def fronts(layers: Sequence[Layer], path: CameraPath, executor: Executor) -> list[Front]:
-    """Find where static objects hide the background of a live frame, farthest first."""
-    places = {layer.place for layer in layers}
-    return [
-        _front(place, [layer for layer in layers if layer.place == place], path, executor)
-        for place in sorted(places, key=lambda p: (p.relative_depth, p.shift), reverse=True)
-    ]
+    @property
+    def covered(self) -> np.ndarray:
+        """What of `core` is surely covered, bool."""
+        return self.inside[self._core]
 
-
-def _front(place: Place, pieces: list[Layer], path: CameraPath, executor: Executor) -> Front:
-    """Render where pieces at one depth surely and perhaps are."""
-    depth = place.relative_depth
-    own_path = shifted(path, depth, place.shift)
-    cover = half_pixel(_cover_in_reference(pieces, own_path))
-    parallax = np.abs(path.row_centroids()[:, :2]).max() * abs(1.0 / depth - 1.0)
-    window = _around(pieces, path.grid.live_shape, math.ceil(parallax) + _gaps(path) + EDGE)
-    own, _ = blurred(cover, own_path, executor, depth, window)
-    uncovered, _ = blurred(cover, path, executor, 1.0, window)
-    inside = own > 1.0 - RIM / 2
-    edge = ((own > RIM / 2) | (uncovered > RIM / 2)) & ~inside
-    return Front(place, window, inside, edge)
+    @cached_property
+    def _core(self) -> tuple[slice, slice] | None:
+        return bounds(self.inside)
 
 
-def _gaps(path: CameraPath) -> int:
-    return max(3, round(GAP * path.grid.reference_shape[1]))
+class Fronts:
+    """
+    What the layers of one live frame hide; each front is worked out once.
+
+    Parameters
+    ----------
+    path : CameraPath
+        Of the live frame.
+
+    """
+
+    def __init__(self, path: CameraPath) -> None:
+        self._path = path
+        self._known: dict[tuple[Layer, ...], Front | None] = {}
+
+    def of(self, layers: Sequence[Layer]) -> list[Front]:
+        """Find where static objects hide the background, farthest first."""
+        found = []
+        places = {layer.place for layer in layers}
+        for place in sorted(places, key=lambda p: (p.relative_depth, p.shift), reverse=True):
+            pieces = tuple(layer for layer in layers if layer.place == place)
+            if pieces not in self._known:
+                self._known[pieces] = _front(place, pieces, self._path)
+            front = self._known[pieces]
+            if front is not None:
+                found.append(front)
+        return found
 
 
-def _cover_in_reference(pieces: list[Layer], path: CameraPath) -> np.ndarray:
-    """1 where a layer surely lies in the reference, 1/2 where it may (rows, cols) float32."""
-    rows, cols = path.grid.reference_shape
-    cover = np.zeros((2, rows, cols), np.uint8)  # sure, perhaps
-    for layer in pieces:
-        for part, mask in zip(cover, (layer.sure, layer.blob.mask), strict=True):
-            for u, v in _reference_places(layer, mask, path):
-                inside = (u >= 0) & (v >= 0) & (u < cols) & (v < rows)
-                part[v[inside], u[inside]] = 1
+def _front(place: Place, pieces: Sequence[Layer], path: CameraPath) -> Front | None:
+    """Find where pieces at one place surely and perhaps are; None: nowhere."""
+    depth, shift = place.relative_depth, place.shift
+    cover = _cover_in_reference(pieces, place, path)
+    samples = path.samples_per_row(STEP_PX, stretch=max(1.0, 1.0 / depth))
+    a_x, a_y, _, zeta, *_ = np.abs(path.row_centroids()).max(axis=0)
+    parallax = (max(a_x, a_y) + zeta) * abs(1.0 / depth - 1.0) + math.hypot(*shift)
+    blur = samples.max() * STEP_PX
+    window = _around(pieces, path.grid.live_shape, math.ceil(parallax + blur) + EDGE)
+    always, ever = _seen(cover, path, samples, window, depth, shift)
+    _, uncovered = _seen(cover, path, samples, window, 1.0, NO_SHIFT)
+    inside = always == SURE
+    edge = ((ever > 0) | (uncovered > 0)) & ~inside
+    box = bounds(inside | edge)
+    return None if box is None else Front(place, within(window, box), inside[box], edge[box])
+
+
+@dataclass(frozen=True)
+class _Cover:
+    """Where layers lie in the reference, or beyond its ends."""
+
+    values: np.ndarray  # uint8: SURE, 1 perhaps, 0 not; from a pixel to the next, both ways
+    left: int  # column of the first value [px]
+    top: int  # its row [px]
+
+
+def _cover_in_reference(pieces: Sequence[Layer], place: Place, path: CameraPath) -> _Cover:
+    """Draw the pieces at one place on the reference's grid, sure and perhaps."""
+    coordinates = path.row_centroids().copy()
+    coordinates[:, :2] += place.relative_depth * np.asarray(place.shift)
+    mapped = []
+    for piece in pieces:
+        rows = coordinates[piece.blob.box[0]]
+        mapped.append(homographies(rows, path.grid, place.relative_depth))
+    corners = np.array(
+        [_reach(piece.blob, own, path.grid) for piece, own in zip(pieces, mapped, strict=True)]
+    )
+    left, top = (corners[:, 0].min(axis=0) - EDGE).tolist()
+    right, bottom = (corners[:, 1].max(axis=0) + EDGE + 1).tolist()
+    drawn = np.zeros((2, bottom - top, right - left), np.uint8)  # sure, perhaps
+    for piece, own in zip(pieces, mapped, strict=True):
+        masks = np.stack([piece.sure, piece.blob.mask])
+        draw_masks(
+            masks, piece.blob.x, piece.blob.y, own.reshape(-1, 9), path.grid.center, left, top,
+            drawn,
+        )  # fmt: skip
     outline = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (EDGE, EDGE))
-    sure = cv2.erode(_without_gaps(cover[0], EDGE), outline)
-    perhaps = cv2.dilate(_without_gaps(cover[1], _gaps(path)), outline)
-    return (sure.astype(np.float32) + perhaps) / np.float32(2.0)
+    gaps = max(3, round(GAP * path.grid.reference_shape[1]))
+    sure = cv2.erode(_without_gaps(drawn[0], EDGE), outline)
+    perhaps = cv2.dilate(_without_gaps(drawn[1], gaps), outline)
+    # between four pixels an image is a mixture of them: all count
+    cell = {'kernel': np.ones((2, 2), np.uint8), 'anchor': (0, 0)}
+    return _Cover(cv2.erode(sure, **cell) + cv2.dilate(perhaps, **cell), left, top)
+
+
+def _reach(blob: Blob, mapping: np.ndarray, grid: Grid) -> np.ndarray:
+    """Return the first and last column and row ((x, y), (x, y)) of a blob in the reference."""
+    height, width = blob.mask.shape
+    center = grid.center
+    x = np.array([blob.x, blob.x + width - 1]) - center[0]
+    y = np.arange(blob.y, blob.y + height) - center[1]
+    u, v, w = (
+        line[:, :1] * x + (line[:, 1] * y + line[:, 2])[:, None]
+        for line in np.moveaxis(mapping, 1, 0)
+    )
+    places = np.stack([u / w, v / w], axis=-1).reshape(-1, 2) + center[2:]
+    return np.rint([places.min(axis=0), places.max(axis=0)]).astype(np.int64)
+
+
+def _seen(
+    cover: _Cover,
+    path: CameraPath,
+    samples: np.ndarray,
+    window: Window,
+    relative_depth: float,
+    shift: tuple[float, float],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least and the greatest of a cover that each pixel of a window sees, uint8."""
+    least, greatest = np.empty(
+        (2, window.bottom - window.top, window.right - window.left), np.uint8
+    )
+    duration = (1.0 - 2.0 * RIM) * path.exposure_rows  # what shows at an end for less is no rim
+    watch_cover(
+        window.top, window.left, cover.values, cover.left, cover.top, path.row_times, samples,
+        path.control, path.first_time, path.knot_rows, duration, path.grid.focal_px,
+        path.grid.center, 1.0 / relative_depth, np.asarray(shift), least, greatest,
+    )  # fmt: skip
+    return least, greatest
 
 
 def _without_gaps(cover: np.ndarray, gaps: int) -> np.ndarray:
@@ -104,23 +197,23 @@ def _without_gaps(cover: np.ndarray, gaps: int) -> np.ndarray:
     return cover[gaps:-gaps, gaps:-gaps]
 
 
-def _reference_places(
-    layer: Layer, mask: np.ndarray, path: CameraPath
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield reference columns and rows of a part of the layer, one live row at a time."""
-    center = path.grid.center
-    homographies = path.row_homographies(layer.place.relative_depth)
-    for row in range(mask.shape[0]):
-        x = np.flatnonzero(mask[row]) + layer.blob.x
-        y = row + layer.blob.y
-        if y >= len(homographies) or not len(x):
-            continue
-        points = np.stack([x - center[0], np.full(len(x), y - center[1]), np.ones(len(x))])
-        u, v, w = homographies[y] @ points
-        yield (
-            np.rint(u / w + center[2]).astype(np.int64),
-            np.rint(v / w + center[3]).astype(np.int64),
-        )
+def bounds(mask: np.ndarray) -> tuple[slice, slice] | None:
+    """Return the smallest box around a mask (M, N) bool, None where it is empty."""
+    rows, cols = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return None
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(cols[0]), int(cols[-1]) + 1)
+
+
+def within(window: Window, box: tuple[slice, slice]) -> Window:
+    """Return the part of the live frame that a box of a window is."""
+    rows, cols = box
+    return Window(
+        window.top + rows.start,
+        window.top + rows.stop,
+        window.left + cols.start,
+        window.left + cols.stop,
+    )
 
 
 def padded(blob: Blob, shape: tuple[int, ...], pad: int) -> Window:

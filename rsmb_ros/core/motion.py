@@ -86,6 +86,10 @@ class CameraPath:
 
     def row_centroids(self) -> np.ndarray:
         """Mean path coordinates over each row's exposure (M, 6) [px]."""
+        return self._centroids.copy()
+
+    @cached_property
+    def _centroids(self) -> np.ndarray:
         shares = (np.arange(CENTROID_SAMPLES) + 0.5) / CENTROID_SAMPLES - 0.5
         times = self.row_times[:, None] + shares * self.exposure_rows
         return self.coordinates(times).mean(axis=1)

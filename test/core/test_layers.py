@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from known_frame import known_frame
 
-from rsmb_ros.core.layers import Layer, Place, fronts
+from rsmb_ros.core.layers import Fronts, Layer, Place
 from rsmb_ros.core.render import Window
 from rsmb_ros.core.segmentation import Blob
 from rsmb_ros.core.synthesis import Scene, Sheet
@@ -43,7 +43,7 @@ def boxed(ground, texture_of, executor):
 
 def masks(found, layers, executor):
     inside, edge = np.zeros(SHAPE, bool), np.zeros(SHAPE, bool)
-    for front in fronts(layers, found.frame.path, executor):
+    for front in Fronts(found.frame.path).of(layers):
         inside[front.window.box] |= front.inside
         edge[front.window.box] |= front.edge
     return inside, edge
@@ -104,9 +104,9 @@ def test_pieces_at_one_place_are_one_front_and_others_come_farthest_first(boxed,
         whole, blob=replace(whole.blob, mask=whole.blob.mask & half), sure=whole.sure & half
     )
     behind = replace(whole, place=Place(1.2))
-    found = fronts([upper, behind, lower], boxed.frame.path, executor)
+    found = Fronts(boxed.frame.path).of([upper, behind, lower])
     assert [front.place.relative_depth for front in found] == [1.2, DEPTH]
-    alone = fronts([whole], boxed.frame.path, executor)[0]
+    alone = Fronts(boxed.frame.path).of([whole])[0]
     one = found[1]
     full = np.zeros((2, *SHAPE), bool)
     for part, front in zip(full, (alone, one), strict=True):
@@ -150,3 +150,29 @@ def test_what_a_layer_shows_from_beyond_the_reference_is_not_judged(ground, text
     assert not frame.judged[beyond].any()
     assert frame.judged[:40].any()
     assert frame.judged[200:, 200:].any(), 'far from the object the border is judged'
+
+
+def test_a_front_is_worked_out_once(boxed):
+    first, second = layer_of(boxed, Place(DEPTH)), layer_of(boxed, Place(1.2))
+    known = Fronts(boxed.frame.path)
+    (front,) = known.of([first])
+    assert known.of([first, second])[1] is front
+    assert known.of([replace(first)])[0] is not front
+
+
+def test_a_window_is_no_larger_than_its_masks(boxed):
+    (front,) = Fronts(boxed.frame.path).of([layer_of(boxed, Place(DEPTH))])
+    touched = front.inside | front.edge
+    assert all(side.any() for side in (touched[0], touched[-1], touched[:, 0], touched[:, -1]))
+    whole = np.zeros(SHAPE, bool)
+    whole[front.core.box] = front.covered
+    np.testing.assert_array_equal(whole[front.window.box], front.inside)
+    assert np.count_nonzero(whole) == np.count_nonzero(front.inside)
+
+
+def test_a_layer_of_which_nothing_is_sure_is_only_not_judged(boxed):
+    layer = layer_of(boxed, Place(DEPTH))
+    frame, before = boxed.frame, boxed.frame.predicted.copy()
+    frame.put_in_front([replace(layer, sure=np.zeros_like(layer.sure))])
+    np.testing.assert_array_equal(frame.predicted, before)
+    assert not frame.judged[boxed.truth.layers > 0].any()
