@@ -90,9 +90,12 @@ class CameraPath:
 
     @cached_property
     def _centroids(self) -> np.ndarray:
-        shares = (np.arange(CENTROID_SAMPLES) + 0.5) / CENTROID_SAMPLES - 0.5
-        times = self.row_times[:, None] + shares * self.exposure_rows
-        return self.coordinates(times).mean(axis=1)
+        means = np.empty((self.grid.live_shape[0], COORDINATES))
+        geometry.mean_coordinates(
+            self.row_times, CENTROID_SAMPLES, self.exposure_rows, self.control, self.first_time,
+            self.knot_rows, means,
+        )  # fmt: skip
+        return means
 
     def row_motion(self) -> np.ndarray:
         """Centroid pose tau_c of each row (M, 6), see `types.MOTION_COLUMNS`."""

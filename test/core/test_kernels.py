@@ -39,6 +39,16 @@ def test_spline_of_the_kernel_is_the_textbook_spline(bent_path):
         np.testing.assert_allclose(bent_path.coordinates(np.array([time]))[0], out, atol=1e-9)
 
 
+def test_centroids_are_means_over_each_rows_exposure(bent_path):
+    path = replace(bent_path, bottom_up=True)
+    spread = ((np.arange(16) + 0.5) / 16 - 0.5) * path.exposure_rows
+    expected = path.coordinates(path.row_times[:, None] + spread).mean(axis=1)
+    found = path.row_centroids()
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    found[:] = 0.0
+    np.testing.assert_allclose(path.row_centroids(), expected, atol=1e-9)  # a copy was changed
+
+
 @pytest.mark.parametrize('depth', [1.0, 0.8])
 @pytest.mark.parametrize('bottom_up', [False, True])
 def test_blurred_rows_are_the_mean_of_warped_rows(

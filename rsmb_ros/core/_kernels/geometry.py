@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 OPTIONS = {'cache': True, 'nogil': True, 'fastmath': True, 'error_model': 'numpy'}
@@ -117,3 +118,18 @@ def homographies(qs, focal, half_width, inverse_depth, out):
     """Write the homographies (n, 9) of path coordinates `qs` (n, 6)."""
     for n in range(qs.shape[0]):
         homography(qs[n], focal, half_width, inverse_depth, out[n])
+
+
+@njit(**OPTIONS)
+def mean_coordinates(times, count, exposure, control, first_time, knot_rows, out):
+    """Write the mean path coordinates over the exposure around each time: `count` equal parts."""
+    b = np.empty(4)
+    q = np.empty(6)
+    for i in range(times.shape[0]):
+        for e in range(6):
+            out[i, e] = 0.0
+        for k in range(count):
+            time = times[i] + ((k + 0.5) / count - 0.5) * exposure
+            instant(time, control, first_time, knot_rows, b, q)
+            for e in range(6):
+                out[i, e] += q[e] / count
