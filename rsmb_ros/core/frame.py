@@ -10,7 +10,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from .layers import NO_SHIFT, Front, Fronts, Layer
+from .layers import NO_SHIFT, Front, Fronts, Layer, within
 from .motion import CameraPath, shifted
 from .path_fit import PathFit, row_uncertainty
 from .photometric import mixed, to_display
@@ -162,20 +162,26 @@ class RegisteredFrame(ABC):
         """Composite static objects over the background; their edges are no longer judged."""
         self._fronts = self._hidden.of(layers)
         for front in self._fronts:
-            self.judged[front.window.box] &= ~front.edge
-            if front.core is None:
-                continue
+            box = front.window.box
             if front not in self._in_front:
-                place = front.place
-                self._in_front[front] = self.render(place.relative_depth, front.core, place.shift)
+                self._in_front[front] = self._own(front)
             own, complete = self._in_front[front]
-            box, inside = front.core.box, front.covered
-            shown = inside & complete
-            self.predicted[box][shown] = own[shown]
-            self.misfit[box][shown] = front.place.misfit
-            # it hides the ground there, but the reference does not show it
-            self.judged[box] &= complete | ~inside
+            self.judged[box] &= ~front.unknown(own, complete, self.predicted[box])
+            inside = front.inside & complete
+            self.predicted[box][inside] = own[inside]
+            self.misfit[box][inside] = front.place.misfit
         self.residual = self.grey - self.predicted
+
+    def _own(self, front: Front) -> tuple[np.ndarray, np.ndarray]:
+        """Display values of a front in its window, and where they hold and are needed."""
+        own = np.zeros(front.edge.shape, np.float32)
+        complete = np.zeros(front.edge.shape, bool)
+        part = np.s_[:, :] if front.slight else front.core
+        if part is not None:
+            window = front.window if front.slight else within(front.window, part)
+            place = front.place
+            own[part], complete[part] = self.render(place.relative_depth, window, place.shift)
+        return own, complete
 
     def rectified(self) -> np.ndarray:
         """Return the live image in the geometry of the reference, uint8."""

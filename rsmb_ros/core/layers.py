@@ -23,6 +23,8 @@ GAP = 0.04  # of the width: gaps in an object's outline that still belong to it
 EDGE = 9  # px: an object's outline is known to half of this
 RIM = 0.02  # share of the exposure that makes a pixel a rim
 STEP_PX = 2.0  # px an object moves between two looks at it; its outline, drawn by EDGE, has no gaps
+SLIGHT = 1.5  # px of parallax, below which what an object uncovers is no more than its rim
+APART = 6.0  # grey levels between it and the ground, from which on it matters which one is seen
 SURE = 2  # in a cover; 1: perhaps, 0: not
 
 NO_SHIFT = (0.0, 0.0)
@@ -55,19 +57,28 @@ class Front:
     window: Window  # the two masks' part of the live frame, as small as it can be
     inside: np.ndarray  # bool, surely covered during the whole exposure
     edge: np.ndarray  # bool, perhaps covered, or uncovered: cannot be judged
-
-    @cached_property
-    def core(self) -> Window | None:
-        """The smallest window around what is surely covered; None: nothing is."""
-        return None if self._core is None else within(self.window, self._core)
+    parallax: float  # px, how far it lies from where the background's depth would put it
 
     @property
-    def covered(self) -> np.ndarray:
-        """What of `core` is surely covered, bool."""
-        return self.inside[self._core]
+    def slight(self) -> bool:
+        """Whether it and the ground may look alike at its outline."""
+        return self.parallax < SLIGHT
+
+    def unknown(self, own: np.ndarray, complete: np.ndarray, ground: np.ndarray) -> np.ndarray:
+        """
+        Return what of the window cannot be judged, bool.
+
+        `own` and `ground` are the display values of the two, `own` where it is `complete`.
+        """
+        edge = self.edge
+        if self.slight:
+            alike = (complete & (np.abs(own - ground) < APART)).astype(np.uint8)
+            edge = edge & (cv2.erode(alike, np.ones((3, 3), np.uint8)) == 0)
+        return edge | (self.inside & ~complete)
 
     @cached_property
-    def _core(self) -> tuple[slice, slice] | None:
+    def core(self) -> tuple[slice, slice] | None:
+        """The smallest box of `window` around what is surely covered; None: nothing is."""
         return bounds(self.inside)
 
 
@@ -114,7 +125,19 @@ def _front(place: Place, pieces: Sequence[Layer], path: CameraPath) -> Front | N
     inside = always == SURE
     edge = ((ever > 0) | (uncovered > 0)) & ~inside
     box = bounds(inside | edge)
-    return None if box is None else Front(place, within(window, box), inside[box], edge[box])
+    if box is None:
+        return None
+    moved = max(_displacement(piece, path) for piece in pieces)
+    return Front(place, within(window, box), inside[box], edge[box], moved)
+
+
+def _displacement(piece: Layer, path: CameraPath) -> float:
+    """Pixels between the middle of a layer and where the background's depth would put it."""
+    rows, cols = piece.blob.box
+    q = path.row_centroids()[rows].mean(axis=0)
+    middle = np.array([cols.start + cols.stop, rows.start + rows.stop]) / 2.0
+    seen = q[:2] + q[3] / path.grid.half_width * (middle - path.grid.center[:2])
+    return math.hypot(*((1.0 / piece.place.relative_depth - 1.0) * seen + piece.place.shift))
 
 
 @dataclass(frozen=True)

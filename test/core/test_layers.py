@@ -7,7 +7,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from known_frame import known_frame
+from known_frame import displacement, known_frame
 
 from rsmb_ros.core.layers import Fronts, Layer, Place
 from rsmb_ros.core.render import Window
@@ -164,10 +164,9 @@ def test_a_window_is_no_larger_than_its_masks(boxed):
     (front,) = Fronts(boxed.frame.path).of([layer_of(boxed, Place(DEPTH))])
     touched = front.inside | front.edge
     assert all(side.any() for side in (touched[0], touched[-1], touched[:, 0], touched[:, -1]))
-    whole = np.zeros(SHAPE, bool)
-    whole[front.core.box] = front.covered
-    np.testing.assert_array_equal(whole[front.window.box], front.inside)
-    assert np.count_nonzero(whole) == np.count_nonzero(front.inside)
+    core = front.inside[front.core]
+    assert np.count_nonzero(core) == np.count_nonzero(front.inside)
+    assert all(side.any() for side in (core[0], core[-1], core[:, 0], core[:, -1]))
 
 
 def test_a_layer_of_which_nothing_is_sure_is_only_not_judged(boxed):
@@ -176,3 +175,31 @@ def test_a_layer_of_which_nothing_is_sure_is_only_not_judged(boxed):
     frame.put_in_front([replace(layer, sure=np.zeros_like(layer.sure))])
     np.testing.assert_array_equal(frame.predicted, before)
     assert not frame.judged[boxed.truth.layers > 0].any()
+
+
+def test_at_a_slight_parallax_only_where_it_matters_an_outline_is_not_judged(
+    ground, texture_of, executor
+):
+    """Less than a pixel or two: object and ground next to each other may look the same in both."""
+    near = known_frame(Scene(ground, 40, (box(texture_of, 0.97),)), executor)
+    layer = layer_of(near, Place(0.97))
+    (front,) = Fronts(near.frame.path).of([layer])
+    assert front.slight
+    own, complete = near.frame.render(0.97, front.window)
+    unknown = front.unknown(own, complete, near.frame.predicted[front.window.box])
+    apart = np.abs(own - near.frame.predicted[front.window.box]) > 10.0
+    assert unknown[front.edge & apart].all()
+    assert not unknown[~front.edge].any()
+    assert 0.2 < np.count_nonzero(unknown) / np.count_nonzero(front.edge) < 0.9
+    (far,) = Fronts(near.frame.path).of([replace(layer, place=Place(0.8))])
+    assert not far.slight
+    own, complete = near.frame.render(0.8, far.window)
+    same = far.unknown(own, complete, own)
+    np.testing.assert_array_equal(same, far.edge | (far.inside & ~complete))
+
+
+def test_parallax_is_how_far_a_layer_lies_from_its_place_on_the_ground(boxed):
+    layer = layer_of(boxed, Place(DEPTH, (1.5, -0.5)))
+    (front,) = Fronts(boxed.frame.path).of([layer])
+    x, y = displacement(boxed, layer.blob, DEPTH)
+    assert front.parallax == pytest.approx(np.hypot(x + 1.5, y - 0.5), abs=0.5)
