@@ -24,6 +24,7 @@ from .errors import ConfigError, FrameError
 from .features import FeatureSearch
 from .frame import BlankViews, PathFrame, RegisteredFrame
 from .layered_frame import LayeredStage
+from .layers import Layer, Place
 from .motion import Grid
 from .path_stage import PathStage
 from .persistence import RegionMemory
@@ -31,7 +32,7 @@ from .photometric import luma
 from .reference import Reference
 from .regions import change_region, static_region
 from .row_frame import RowStage
-from .segmentation import blobs, drawn, tightened, without_small, without_thin
+from .segmentation import Blob, blobs, drawn, tightened, without_small, without_thin
 from .stream import StreamMemory
 from .types import NOT_REGISTERED, REGISTERED, Result
 
@@ -317,6 +318,9 @@ def warm_up(config: Config = Config(), depth: bool = False) -> None:
     detector = Detector(reference, config=config, depth=layers if depth else None)
     result = detector.detect(np.roll(reference, 3, axis=1))
     result.rectified  # noqa: B018 - computed on first use
+    if isinstance(result.views, RegisteredFrame):
+        mask = np.ones((8, 8), bool)  # nothing here is at another depth by itself
+        result.views.foreground([Layer(Blob(mask, 60, 60), mask, Place(0.8), 1.0)])
 
 
 def _checked(image: np.ndarray, name: str) -> np.ndarray:

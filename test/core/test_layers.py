@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from known_frame import displacement, known_frame
 
+from rsmb_ros.core import Config, warm_up
+from rsmb_ros.core import layers as layers_module
 from rsmb_ros.core.layers import Fronts, Layer, Place
 from rsmb_ros.core.render import Window
 from rsmb_ros.core.segmentation import Blob
@@ -203,3 +205,16 @@ def test_parallax_is_how_far_a_layer_lies_from_its_place_on_the_ground(boxed):
     (front,) = Fronts(boxed.frame.path).of([layer])
     x, y = displacement(boxed, layer.blob, DEPTH)
     assert front.parallax == pytest.approx(np.hypot(x + 1.5, y - 0.5), abs=0.5)
+
+
+@pytest.mark.parametrize('estimator', ['path', 'rows'])
+def test_warming_up_compiles_the_kernels_of_fronts(monkeypatch, estimator):
+    """A frame without static objects, as there, does not come to them by itself."""
+    ran = []
+    for name in ('draw_masks', 'watch_cover'):
+        kernel = getattr(layers_module, name)
+        monkeypatch.setattr(
+            layers_module, name, lambda *a, n=name, k=kernel: (ran.append(n), k(*a))
+        )
+    warm_up(Config().replaced({'registration.estimator': estimator}))
+    assert set(ran) == {'draw_masks', 'watch_cover'}
