@@ -16,6 +16,7 @@ from .path_fit import PathFit, row_uncertainty
 from .reference import Reference, at_limit
 from .render import Shown, Window, blurred, rectified, shown, whole
 from .sampling import defocused
+from .workers import shared
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
 MAX_RESIDUAL = 30.0  # grey levels; beyond that a pixel shows something else
@@ -205,13 +206,26 @@ class PathFrame(RegisteredFrame):
     @cached_property
     def _fine(self) -> np.ndarray:
         """Half-pixel reference as sharp as the live camera's lens shows it, linear light."""
-        return defocused(self._reference.fine, self._reference.softer, self.fit.defocus)
+        return self._seen_by_lens(self._reference.fine, self._reference.softer)
 
     @cached_property
     def _fine_colours(self) -> np.ndarray:
         """Each colour's `_fine`, see `Reference.fine_colours`."""
-        reference = self._reference
-        return defocused(reference.fine_colours, reference.softer_colours, self.fit.defocus)
+        if self._reference.fine_colours is self._reference.fine:
+            return self._fine
+        return self._seen_by_lens(self._reference.fine_colours, self._reference.softer_colours)
+
+    def _seen_by_lens(self, fine: np.ndarray, softer: np.ndarray) -> np.ndarray:
+        if self.fit.defocus == 0.0:
+            return fine
+        out = np.empty_like(fine)
+
+        def run(first: int, last: int) -> None:
+            part = np.s_[first:last]
+            defocused(fine[part], softer[part], self.fit.defocus, out[part])
+
+        shared(self._executor, run, len(fine), fine.size)
+        return out
 
     def render(
         self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT

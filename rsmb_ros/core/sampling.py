@@ -64,16 +64,22 @@ def softened(image: np.ndarray, pixel: float) -> np.ndarray:
     return (blurred - image) * np.float32(1.0 / SOFT_SIGMA**2)
 
 
-def defocused(image: np.ndarray, softer: np.ndarray, variance: float) -> np.ndarray:
+def defocused(
+    image: np.ndarray, softer: np.ndarray, variance: float, out: np.ndarray | None = None
+) -> np.ndarray:
     """
-    Return an image (M, N, ...) float32 seen through a lens that blurs by `variance` more [px^2].
+    Return an image (M, ...) float32 seen through a lens that blurs by `variance` more [px^2].
 
-    `softer` is what `softened` says that 1 px^2 adds; negative variances sharpen.
+    `softer` is what `softened` says that 1 px^2 adds; negative variances sharpen. `out`, where
+    given, is contiguous and receives the result.
     """
-    if variance == 0.0:
+    if variance == 0.0 and out is None:
         return image
-    flat = cv2.scaleAdd(softer.reshape(len(image), -1), variance, image.reshape(len(image), -1))
-    return flat.reshape(image.shape)
+    if out is None:
+        out = np.empty_like(image)
+    flat = (softer.reshape(len(image), -1), variance, image.reshape(len(image), -1))
+    cv2.scaleAdd(*flat, dst=out.reshape(len(image), -1))
+    return out
 
 
 def pyramid(image: np.ndarray, levels: int) -> list[np.ndarray]:
