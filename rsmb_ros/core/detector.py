@@ -312,6 +312,7 @@ def warm_up(config: Config = Config(), depth: bool = False) -> None:
     rng = np.random.default_rng(0)
     coarse = rng.integers(30, 220, (16, 20), dtype=np.uint8)
     reference = cv2.resize(coarse, (160, 128), interpolation=cv2.INTER_CUBIC)
+    reference[60:70, 60:70] = 255  # what is clipped is rendered, too
     layers = np.ones(reference.shape, np.float32)
     layers[40:80, 50:100] = 0.8
     detector = Detector(reference, config=config, depth=layers if depth else None)
