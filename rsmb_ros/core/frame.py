@@ -218,7 +218,7 @@ class PathFrame(RegisteredFrame):
     def _seen_by_lens(self, fine: np.ndarray, softer: np.ndarray) -> np.ndarray:
         if self.fit.defocus == 0.0:
             return fine
-        out = np.empty_like(fine)
+        out = self._reference.buffers.lend(self, fine.shape)
 
         def run(first: int, last: int) -> None:
             part = np.s_[first:last]

@@ -7,6 +7,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from .buffers import Buffers
 from .depth_map import DepthMap
 from .photometric import luma, to_linear
 from .sampling import HALF_PIXELS, half_pixel, side_by_side, softened
@@ -38,6 +39,7 @@ class Reference:
         self.image = image
         self.gamma = gamma
         self.depth = depth
+        self.buffers = Buffers()
 
     @cached_property
     def grey(self) -> np.ndarray:
