@@ -11,8 +11,9 @@ import numpy as np
 from ._kernels.depth import MIXED, TILE, ask_tiles, composite_rows
 from .depth_map import DepthMap
 from .motion import CameraPath
-from .render import CHUNKS, STEP_PX, Window, blurred
+from .render import STEP_PX, Window, blurred
 from .sampling import half_pixel
+from .workers import shared
 
 TILE_STEP = 4.0  # px between the instants a tile is asked at
 TILE_REACH = 10  # px: half a tile's diagonal, half a step, rounding, 10 % of turn and zoom
@@ -102,15 +103,14 @@ class Composition:
             depth.smooth(TILE_REACH), *[TILE_REACH] * 4, cv2.BORDER_CONSTANT, value=0
         )
 
-        def run(chunk: int) -> None:
+        def run(first: int, last: int) -> None:
             ask_tiles(
-                chunk * shape[0] // CHUNKS, (chunk + 1) * shape[0] // CHUNKS, begin, duration,
-                count, path.control, path.first_time, path.knot_rows, path.grid.focal_px,
-                path.grid.center, depth.inverse_depths, possible, certain, smooth, depth.exact,
-                TILE_REACH, bits, sole,
+                first, last, begin, duration, count, path.control, path.first_time,
+                path.knot_rows, path.grid.focal_px, path.grid.center, depth.inverse_depths,
+                possible, certain, smooth, depth.exact, TILE_REACH, bits, sole,
             )  # fmt: skip
 
-        list(self._executor.map(run, range(CHUNKS)))
+        shared(self._executor, run, shape[0], rows * cols)
         return bits, sole
 
     def _window(self, n: int) -> Window | None:
@@ -137,13 +137,13 @@ class Composition:
         times, flat = path.row_times, fine.ravel()
         near, uneven = depth.possible(EDGE), depth.uneven(EDGE)
 
-        def run(chunk: int) -> None:
+        def run(first: int, last: int) -> None:
             composite_rows(
-                chunk * rows // CHUNKS, (chunk + 1) * rows // CHUNKS, self._bits, self._sole, flat,
+                first, last, self._bits, self._sole, flat,
                 fine.shape[1], depth.members, near, EDGE, depth.surface, uneven,
                 depth.inverse_depths, MISPLACED, times, self._samples, path.control,
                 path.first_time, path.knot_rows, path.exposure_rows, path.grid.focal_px,
                 path.grid.center, *out,
             )  # fmt: skip
 
-        list(self._executor.map(run, range(CHUNKS)))
+        shared(self._executor, run, rows, out[0].size)

@@ -6,7 +6,6 @@ The one code path of node, replay and `rsmb detect`: reference and live frame in
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, replace
 
 import cv2
@@ -35,6 +34,7 @@ from .row_frame import RowStage
 from .segmentation import Blob, blobs, drawn, tightened, without_small, without_thin
 from .stream import StreamMemory
 from .types import NOT_REGISTERED, REGISTERED, Result
+from .workers import Workers
 
 MIN_SIZE = 32  # px, smaller frames hold nothing to register by
 MIN_CONTRAST = 1.5  # grey levels; an image flatter than this has no texture
@@ -89,7 +89,7 @@ class Detector:
         self._camera = camera
         layers = None if depth is None else _layers(depth, self.reference, config)
         self._finder = ChangeFinder(config if layers is None else config.replaced(NO_SEARCH))
-        self._executor = ThreadPoolExecutor(config.worker.threads, 'rsmb')
+        self._executor = Workers(config.worker.threads)
         self._reference = Reference(self.reference, config.camera.gamma, layers)
         self._stages: dict[tuple[int, int], _Stages] = {}
         self._memory = StreamMemory()
@@ -313,6 +313,7 @@ def warm_up(config: Config = Config(), depth: bool = False) -> None:
     rng = np.random.default_rng(0)
     coarse = rng.integers(30, 220, (16, 20), dtype=np.uint8)
     reference = cv2.resize(coarse, (160, 128), interpolation=cv2.INTER_CUBIC)
+    reference[60:70, 60:70] = 255  # what is clipped is rendered, too
     layers = np.ones(reference.shape, np.float32)
     layers[40:80, 50:100] = 0.8
     detector = Detector(reference, config=config, depth=layers if depth else None)

@@ -13,10 +13,10 @@ import numpy as np
 from .layers import NO_SHIFT, Front, Fronts, Layer, within
 from .motion import CameraPath, shifted
 from .path_fit import PathFit, row_uncertainty
-from .photometric import mixed, to_display
 from .reference import Reference, at_limit
-from .render import Window, blurred, rectified
+from .render import Shown, Window, blurred, rectified, shown, whole
 from .sampling import defocused
+from .workers import shared
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
 MAX_RESIDUAL = 30.0  # grey levels; beyond that a pixel shows something else
@@ -99,11 +99,6 @@ class RegisteredFrame(ABC):
     def predict(self) -> tuple[np.ndarray, np.ndarray]:
         """Display values of the whole live frame as the reference knows it, and where they hold."""
         return self.render(1.0, Window(0, self.grey.shape[0], 0, self.grey.shape[1]))
-
-    @property
-    def shown(self) -> np.ndarray:
-        """Where the reference shows anything of what the live frame sees (M, N) bool."""
-        return self.complete
 
     def sketch(
         self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
@@ -228,74 +223,65 @@ class PathFrame(RegisteredFrame):
         return float(self.fit.light.gain[0])
 
     @cached_property
-    def _gain_field(self) -> np.ndarray:
-        return self.fit.light.gain_field(self.grey.shape)
-
-    @cached_property
     def _fine(self) -> np.ndarray:
         """Half-pixel reference as sharp as the live camera's lens shows it, linear light."""
-        return defocused(self._reference.fine, self._reference.softer, self.fit.defocus)
+        return self._seen_by_lens(self._reference.fine, self._reference.softer)
 
     @cached_property
-    def _fine_planes(self) -> list[np.ndarray]:
-        """Each colour's `_fine`; the only one of a grey reference."""
-        planes = zip(self._reference.fine_planes, self._reference.softer_planes, strict=True)
-        return [defocused(fine, softer, self.fit.defocus) for fine, softer in planes]
+    def _fine_colours(self) -> np.ndarray:
+        """Each colour's `_fine`, see `Reference.fine_colours`."""
+        if self._reference.fine_colours is self._reference.fine:
+            return self._fine
+        return self._seen_by_lens(self._reference.fine_colours, self._reference.softer_colours)
+
+    def _seen_by_lens(self, fine: np.ndarray, softer: np.ndarray) -> np.ndarray:
+        if self.fit.defocus == 0.0:
+            return fine
+        out = self._reference.buffers.lend(self, fine.shape)
+
+        def run(first: int, last: int) -> None:
+            part = np.s_[first:last]
+            defocused(fine[part], softer[part], self.fit.defocus, out[part])
+
+        shared(self._executor, run, len(fine), fine.size)
+        return out
 
     def render(
         self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
     ) -> tuple[np.ndarray, np.ndarray]:
         """Display values a layer would have in the live frame, and where they hold."""
-        shown = []
-        # colours mix in a blur, each in its own light: grey levels of a mixture are not a mixture
-        for fine in self._fine_planes:
-            plane, complete = self._shown(fine, depth, window, shift)
-            shown.append(plane)
-        return mixed(shown), complete
+        own = self._shown(self._fine_colours, depth, window, shift)
+        return own.grey, own.complete
 
     def sketch(
         self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return what `render` does, blurred in grey."""
-        return self._shown(self._fine, depth, window, shift)
+        own = self._shown(self._fine, depth, window, shift)
+        return own.grey, own.complete
+
+    def predict(self) -> tuple[np.ndarray, np.ndarray]:
+        """Display values of the whole live frame as the reference knows it, and where they hold."""
+        own = self._shown(self._fine_colours, 1.0, whole(self.path), NO_SHIFT)
+        self._ground = own.colours
+        return own.grey, own.complete
 
     def _shown(
         self, fine: np.ndarray, depth: float, window: Window, shift: tuple[float, float]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Display values of one plane of a layer, and where they hold."""
-        linear, complete = self._blurred(fine, depth, window, shift)
-        light = linear * self._gain_field[window.box] + np.float32(self.fit.light.bias)
-        return to_display(light, self._reference.gamma), complete
-
-    def _blurred(
-        self,
-        fine: np.ndarray,
-        depth: float = 1.0,
-        window: Window | None = None,
-        shift: tuple[float, float] = NO_SHIFT,
-    ) -> tuple[np.ndarray, np.ndarray]:
+    ) -> Shown:
+        """Show a layer in the light of the live frame."""
         path = shifted(self.fit.path, depth, shift)
-        return blurred(fine, path, self._executor, depth, window)
+        gamma = self._reference.gamma
+        return shown(fine, path, self.fit.light, gamma, self._executor, depth, window)
 
     def registered(self) -> np.ndarray:
         """Return the reference as the live camera would have seen it, uint8."""
-        if self._reference.image.ndim == 2:
-            image = self.predicted * self.shown
-        else:
-            planes = [self._composited(fine) for fine in self._fine_planes]
-            image = self.fit.light.apply(np.stack(planes, axis=-1), self._reference.gamma)
-            image *= self.shown[..., None]
-        return np.rint(image).astype(np.uint8)
-
-    def _composited(self, fine: np.ndarray) -> np.ndarray:
-        """Linear light of one plane of the reference, layers in front (M, N) float32."""
-        image, _ = self._blurred(fine)
+        image = self._ground.copy()
         for front in self._fronts:
-            own, complete = self._blurred(
-                fine, front.place.relative_depth, front.window, front.place.shift
-            )
-            inside = front.inside & complete
-            image[front.window.box][inside] = own[inside]
+            place = front.place
+            own = self._shown(self._fine_colours, place.relative_depth, front.window, place.shift)
+            inside = front.inside & own.complete
+            image[front.window.box][inside] = own.colours[inside]
         return image
 
 

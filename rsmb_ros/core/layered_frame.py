@@ -11,8 +11,8 @@ from .composite import Composition
 from .depth_map import EDGE_STEP
 from .frame import PathFrame
 from .path_stage import PathStage
-from .photometric import to_display
 from .render import Window, at_places, shown_at
+from .sampling import colour_of
 
 KNOWN = 0.98  # share of a pixel's exposure that the reference must know for it to be judged
 
@@ -32,15 +32,9 @@ class LayeredFrame(PathFrame):
     def predict(self) -> tuple[np.ndarray, np.ndarray]:
         """Display values of the whole live frame as the reference knows it, and where they hold."""
         seen = self._scene.render(self._fine)
-        light = seen.image * self._gain_field + np.float32(self.fit.light.bias)
         self._known = seen.known
         complete = (seen.sure > KNOWN) & ~self._scene.unknown()
-        return to_display(light, self._reference.gamma), complete
-
-    @property
-    def shown(self) -> np.ndarray:
-        """Where the reference shows anything of what the live frame sees (M, N) bool."""
-        return self._known > 0.0
+        return self.fit.light.apply(seen.image, self._reference.gamma), complete
 
     def rectified(self) -> np.ndarray:
         """Return the live image in the geometry of the reference, 0 where something hides it."""
@@ -55,8 +49,15 @@ class LayeredFrame(PathFrame):
     def _seen(self, fine: np.ndarray, box: tuple[int, int, int, int]) -> tuple[Window, np.ndarray]:
         return Window(0, self.grey.shape[0], 0, self.grey.shape[1]), self._scene.render(fine).image
 
-    def _composited(self, fine: np.ndarray) -> np.ndarray:
-        return self._scene.render(fine).image
+    def registered(self) -> np.ndarray:
+        """Return the reference as the live camera would have seen it, uint8."""
+        shown = self._known > 0.0
+        if self._reference.image.ndim == 2:
+            return np.rint(self.predicted * shown).astype(np.uint8)
+        fine = self._fine_colours
+        planes = [self._scene.render(colour_of(fine, c)).image for c in range(fine.shape[-1])]
+        image = self.fit.light.apply(np.stack(planes, axis=-1), self._reference.gamma)
+        return np.rint(image * shown[..., None]).astype(np.uint8)
 
 
 class LayeredStage(PathStage):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,14 +15,6 @@ def luma(image: np.ndarray) -> np.ndarray:
     if image.ndim == 2:
         return image.astype(np.float32)
     return image.astype(np.float32) @ LUMA_WEIGHTS
-
-
-def mixed(planes: Sequence[np.ndarray]) -> np.ndarray:
-    """Grey levels (M, N) of the display values of B, G and R (M, N) float32; one plane is grey."""
-    if len(planes) == 1:
-        return planes[0]
-    blue, green, red = planes
-    return blue * LUMA_WEIGHTS[0] + green * LUMA_WEIGHTS[1] + red * LUMA_WEIGHTS[2]
 
 
 def to_linear(display: np.ndarray, gamma: float) -> np.ndarray:

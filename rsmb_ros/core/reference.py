@@ -7,17 +7,17 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from .buffers import Buffers
 from .depth_map import DepthMap
 from .photometric import luma, to_linear
-from .sampling import HALF_PIXELS, half_pixel, softened
+from .sampling import HALF_PIXELS, half_pixel, side_by_side, softened
 
 CLIPPED = 250  # display value from which on a colour may be anything brighter
 
 
 def at_limit(image: np.ndarray) -> np.ndarray:
     """Mark where a colour of an image (M, N) or (M, N, 3) uint8 is clipped, (M, N) bool."""
-    clipped = image >= CLIPPED
-    return clipped if image.ndim == 2 else clipped.any(axis=2)
+    return cv2.inRange(image, 0, (CLIPPED - 1,) * 4) == 0
 
 
 class Reference:
@@ -39,6 +39,7 @@ class Reference:
         self.image = image
         self.gamma = gamma
         self.depth = depth
+        self.buffers = Buffers()
 
     @cached_property
     def grey(self) -> np.ndarray:
@@ -85,18 +86,22 @@ class Reference:
         return half_pixel(self.grey)
 
     @cached_property
-    def softer_planes(self) -> tuple[np.ndarray, ...]:
-        """What defocus of 1 px^2 adds to `fine_planes`, (2M, 2N) float32 each."""
+    def fine_colours(self) -> np.ndarray:
+        """Half-pixel samples of the colours' linear light: `side_by_side`, or `fine` if grey."""
         if self.image.ndim == 2:
-            return (self.softer,)
-        return tuple(softened(fine, HALF_PIXELS) for fine in self.fine_planes)
+            return self.fine
+        return side_by_side(self._fine_planes())
 
     @cached_property
-    def fine_planes(self) -> tuple[np.ndarray, ...]:
-        """Half-pixel samples of each colour's linear light, (2M, 2N) float32 each."""
+    def softer_colours(self) -> np.ndarray:
+        """What defocus of 1 px^2 adds to `fine_colours`."""
         if self.image.ndim == 2:
-            return (self.fine,)
-        return tuple(
+            return self.softer
+        return side_by_side([softened(fine, HALF_PIXELS) for fine in self._fine_planes()])
+
+    def _fine_planes(self) -> list[np.ndarray]:
+        """Half-pixel samples of each colour's linear light, (2M, 2N) float32 each."""
+        return [
             half_pixel(to_linear(self.image[..., channel].astype(np.float32), self.gamma))
             for channel in range(self.image.shape[2])
-        )
+        ]

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
-from ._kernels.render import blur_rows, live_places
+from ._kernels.render import blur_rows, live_places, show_rows
 from .motion import CameraPath
+from .photometric import LUMA_WEIGHTS, Light
+from .workers import shared
 
-CHUNKS = 8  # blocks of rows that threads share
-SMALL = 1 << 14  # px; handing out less than that takes longer than doing it
 STEP_PX = 1.0  # px the reference moves between two instants of the exposure
+ONE_WEIGHT = np.ones(1, np.float32)  # of the only plane of a grey image
+NO_PIXELS = np.empty(0, np.float32)  # one plane needs no list of which value belongs to which
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,11 @@ class Window:
     bottom: int
     left: int
     right: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.bottom - self.top, self.right - self.left
 
     @property
     def box(self) -> tuple[slice, slice]:
@@ -65,30 +73,97 @@ def blurred(
         Where the reference covers the whole exposure; shape of the window.
 
     """
-    rows, cols = path.grid.live_shape
-    window = window or Window(0, rows, 0, cols)
-    height, width = window.bottom - window.top, window.right - window.left
-    image = np.empty((height, width), np.float32)
-    begins, ends = np.empty(height, np.int64), np.empty(height, np.int64)
-    samples = path.samples_per_row(step_px, stretch=max(1.0, 1.0 / relative_depth))
-    times, flat = path.row_times, fine.ravel()
+    window = window or whole(path)
+    image = np.empty(window.shape, np.float32)
+    complete = np.empty(window.shape, bool)
+    samples, places = _instants(path, relative_depth, step_px)
+    flat = fine.ravel()
 
-    def run(chunk: int) -> None:
+    def run(first: int, last: int) -> None:
         blur_rows(
-            window.top + chunk * height // CHUNKS, window.top + (chunk + 1) * height // CHUNKS,
-            window.top, window.left, window.right, flat, *fine.shape, times, samples, path.control,
-            path.first_time, path.knot_rows, path.exposure_rows, path.grid.focal_px,
-            path.grid.center, 1.0 / relative_depth, image, begins, ends,
+            window.top + first, window.top + last, window.top, window.left, window.right, flat,
+            *fine.shape, path.row_times, samples, *places, NO_PIXELS, image, complete,
         )  # fmt: skip
 
-    if height * width < SMALL:
-        for chunk in range(CHUNKS):
-            run(chunk)
-    else:
-        list(executor.map(run, range(CHUNKS)))
-    column = np.arange(window.left, window.right)
-    complete = (column >= begins[:, None]) & (column < ends[:, None])
+    shared(executor, run, len(image), image.size)
     return image, complete
+
+
+class Shown(NamedTuple):
+    """What the live camera shows of the reference."""
+
+    grey: np.ndarray  # (M, N) float32 grey levels
+    colours: np.ndarray  # (M, N) or (M, N, 3) uint8 display values, 0 where not complete
+    complete: np.ndarray  # (M, N) bool, where the reference covers the whole exposure
+
+
+def shown(
+    fine: np.ndarray,
+    path: CameraPath,
+    light: Light,
+    gamma: float,
+    executor: Executor,
+    relative_depth: float = 1.0,
+    window: Window | None = None,
+) -> Shown:
+    """
+    Warp and blur the reference as `blurred` does, and show it in the light of the live frame.
+
+    Colours mix in a blur, each in its own light: grey levels of a mixture are not a mixture.
+
+    Parameters
+    ----------
+    fine : ndarray of shape (2 rows, 2 cols) or (2 rows, 2, cols, 3), float32
+        Reference from `sampling.half_pixel` or `sampling.side_by_side`, linear light.
+    path : CameraPath
+        Motion of the live camera.
+    light : Light
+        Of the live frame.
+    gamma : float
+        Tone curve of the camera.
+    executor : Executor
+        Threads that share the rows.
+    relative_depth : float
+        ``d_l`` of the layer that is rendered, background = 1.
+    window : Window, optional
+        Part of the live frame; default all of it.
+
+    """
+    window = window or whole(path)
+    channels = fine.shape[3:]
+    weights = LUMA_WEIGHTS if channels else ONE_WEIGHT
+    grey = np.empty(window.shape, np.float32)
+    colours = np.empty((*window.shape, *channels), np.uint8)
+    complete = np.empty(window.shape, bool)
+    samples, places = _instants(path, relative_depth, STEP_PX)
+    pixel = np.repeat(np.arange(window.right - window.left, dtype=np.float32), len(weights))
+    flat, apart = fine.ravel(), colours.reshape(len(grey), len(pixel))
+    half_columns = 2 * path.grid.reference_shape[1]
+
+    def run(first: int, last: int) -> None:
+        show_rows(
+            window.top + first, window.top + last, window.top, window.left, window.right, flat,
+            len(fine), half_columns, path.row_times, samples, *places, pixel, light.gain,
+            light.bias, gamma, weights, grey, apart, complete,
+        )  # fmt: skip
+
+    shared(executor, run, len(grey), grey.size)
+    return Shown(grey, colours, complete)
+
+
+def whole(path: CameraPath) -> Window:
+    """Return the window that is the live frame."""
+    rows, cols = path.grid.live_shape
+    return Window(0, rows, 0, cols)
+
+
+def _instants(path: CameraPath, relative_depth: float, step_px: float) -> tuple[np.ndarray, tuple]:
+    """Return how many instants each row needs, and what kernels take to place them."""
+    samples = path.samples_per_row(step_px, stretch=max(1.0, 1.0 / relative_depth))
+    return samples, (
+        path.control, path.first_time, path.knot_rows, path.exposure_rows, path.grid.focal_px,
+        path.grid.center, 1.0 / relative_depth,
+    )  # fmt: skip
 
 
 def rectified(live: np.ndarray, path: CameraPath, executor: Executor) -> np.ndarray:
@@ -118,13 +193,13 @@ def shown_at(
     map_x = np.empty((rows, cols), np.float32)
     map_y = np.empty((rows, cols), np.float32)
 
-    def run(chunk: int) -> None:
+    def run(first: int, last: int) -> None:
         live_places(
-            chunk * rows // CHUNKS, (chunk + 1) * rows // CHUNKS, inverses, path.grid.center,
-            path.grid.live_shape[0], surface, shifts, map_x, map_y,
+            first, last, inverses, path.grid.center, path.grid.live_shape[0], surface, shifts,
+            map_x, map_y,
         )  # fmt: skip
 
-    list(executor.map(run, range(CHUNKS)))
+    shared(executor, run, rows, rows * cols)
     return map_x, map_y
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -31,6 +33,26 @@ def half_pixel(image: np.ndarray) -> np.ndarray:
     return fine
 
 
+def side_by_side(planes: Sequence[np.ndarray]) -> np.ndarray:
+    """
+    Arrange the colours (2M, 2N) of a `half_pixel` image for reading rows, (2M, 2, N, C) float32.
+
+    Element (i, b, j, c) is colour c at half pixel (i, 2j + b): neighbouring pixels of a row read
+    neighbouring values, whichever the half pixel they begin at.
+    """
+    rows, columns = planes[0].shape
+    out = np.empty((rows, 2, columns // 2, len(planes)), np.float32)
+    for c, plane in enumerate(planes):
+        out[..., c] = plane.reshape(rows, columns // 2, 2).transpose(0, 2, 1)
+    return out
+
+
+def colour_of(beside: np.ndarray, c: int) -> np.ndarray:
+    """Return colour `c` of a `side_by_side` image as `half_pixel` has it, (2M, 2N) float32."""
+    rows, _, columns, _ = beside.shape
+    return beside[..., c].transpose(0, 2, 1).reshape(rows, 2 * columns)
+
+
 def softened(image: np.ndarray, pixel: float) -> np.ndarray:
     """
     Return what defocus of 1 px^2 adds to an image (M, N) float32, a pixel of it being `pixel` px.
@@ -42,13 +64,22 @@ def softened(image: np.ndarray, pixel: float) -> np.ndarray:
     return (blurred - image) * np.float32(1.0 / SOFT_SIGMA**2)
 
 
-def defocused(image: np.ndarray, softer: np.ndarray, variance: float) -> np.ndarray:
+def defocused(
+    image: np.ndarray, softer: np.ndarray, variance: float, out: np.ndarray | None = None
+) -> np.ndarray:
     """
-    Return an image (M, N) float32 seen through a lens that blurs by `variance` more [px^2].
+    Return an image (M, ...) float32 seen through a lens that blurs by `variance` more [px^2].
 
-    `softer` (M, N) is what `softened` says that 1 px^2 adds; negative variances sharpen.
+    `softer` is what `softened` says that 1 px^2 adds; negative variances sharpen. `out`, where
+    given, is contiguous and receives the result.
     """
-    return image if variance == 0.0 else cv2.scaleAdd(softer, variance, image)
+    if variance == 0.0 and out is None:
+        return image
+    if out is None:
+        out = np.empty_like(image)
+    flat = (softer.reshape(len(image), -1), variance, image.reshape(len(image), -1))
+    cv2.scaleAdd(*flat, dst=out.reshape(len(image), -1))
+    return out
 
 
 def pyramid(image: np.ndarray, levels: int) -> list[np.ndarray]:

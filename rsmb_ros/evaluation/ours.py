@@ -48,7 +48,7 @@ class Ours:
             reason=result.reason,
             change=result.change_mask > 0,
             valid=result.valid_mask > 0,
-            registration=_registration(result, registered, reference.shape[:2], focal_px),
+            registration=_registration(result, live, registered, reference.shape[:2], focal_px),
             seconds=seconds,
             exposure_rows=result.exposure_rows,
             depths=tuple(_static_objects(result)),
@@ -56,7 +56,11 @@ class Ours:
 
 
 def _registration(
-    result: Result, registered: np.ndarray, shape: tuple[int, int], focal_px: float | None
+    result: Result,
+    live: np.ndarray,
+    registered: np.ndarray,
+    shape: tuple[int, int],
+    focal_px: float | None,
 ) -> Registration | None:
     if result.status != REGISTERED:
         return None
@@ -66,7 +70,10 @@ def _registration(
     limits = np.array([shape[1] - 1, shape[0] - 1])
     inside = ((places >= 0) & (places <= limits)).all(axis=-1)
     grey = luma(registered)
-    return Registration(grey, inside & (grey > 0), places)  # 0: not all of the exposure is known
+    known = inside & (grey > 0)  # 0: not all of the exposure is known
+    # of what is judged the prediction is known without the rounding to bytes, as the rivals' is
+    predicted = np.where(result.valid_mask > 0, luma(live) - result.residual, grey)
+    return Registration(predicted, known, places)
 
 
 def _static_objects(result: Result) -> list[tuple[np.ndarray, float]]:

@@ -8,26 +8,11 @@ import pytest
 from known_frame import known_frame
 
 from rsmb_ros.core.frame import PathFrame
-from rsmb_ros.core.photometric import luma, mixed, to_display, to_linear
+from rsmb_ros.core.photometric import luma, to_display, to_linear
 from rsmb_ros.core.reference import Reference
 from rsmb_ros.core.synthesis import Nuisances, Scene
 
 GAMMA = 2.2
-
-
-def test_three_planes_mix_to_luma():
-    image = np.random.default_rng(1).integers(0, 256, (40, 50, 3), dtype=np.uint8)
-    planes = [image[..., n].astype(np.float32) for n in range(3)]
-    np.testing.assert_allclose(mixed(planes), luma(image), atol=1e-4)  # float32
-    blue = np.zeros((2, 2, 3), np.uint8)
-    blue[..., 0] = 100
-    np.testing.assert_allclose(mixed([blue[..., n] * 1.0 for n in range(3)]), 11.4, rtol=1e-6)
-
-
-def test_one_plane_is_grey():
-    plane = np.random.default_rng(2).uniform(0, 255, (4, 5)).astype(np.float32)
-    np.testing.assert_array_equal(mixed([plane]), plane)
-    np.testing.assert_array_equal(luma(plane.astype(np.uint8)), np.floor(plane))
 
 
 def red_beside_grey():
@@ -44,7 +29,7 @@ def test_an_edge_of_colour_is_no_mixture_of_its_grey_levels():
     seen = luma(np.rint(to_display(cv2.blur(light, (11, 1)), GAMMA)).astype(np.uint8))
     planes = [to_display(cv2.blur(light[..., n], (11, 1)), GAMMA) for n in range(3)]
     grey = to_display(cv2.blur(to_linear(luma(image), GAMMA), (11, 1)), GAMMA)
-    assert np.abs(mixed(planes) - seen).max() < 1.0  # rounding
+    assert np.abs(luma(np.dstack(planes)) - seen).max() < 1.0  # rounding
     assert np.abs(grey - seen).max() > 5.0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rsmb_ros.core.sampling import half_pixel, pyramid
+from rsmb_ros.core.sampling import defocused, half_pixel, pyramid
 
 
 def test_half_pixel_keeps_the_image_and_interpolates_waves():
@@ -28,3 +28,16 @@ def test_pyramid_halves_by_means():
     small = pyramid(image, 2)[1]
     assert small.shape == (3, 5)
     np.testing.assert_allclose(small[0, 0], image[:2, :2].mean())
+
+
+def test_defocus_adds_what_a_small_blur_takes_away():
+    image = np.random.default_rng(3).uniform(0, 255, (20, 2, 10, 3)).astype(np.float32)
+    softer = np.random.default_rng(4).normal(0, 9, image.shape).astype(np.float32)
+    expected = image + np.float32(0.3) * softer
+    np.testing.assert_allclose(defocused(image, softer, 0.3), expected, rtol=1e-5, atol=1e-4)
+    out = np.zeros_like(image)
+    defocused(image[4:9], softer[4:9], 0.3, out[4:9])
+    np.testing.assert_allclose(out[4:9], expected[4:9], rtol=1e-5, atol=1e-4)  # float32
+    assert not out[:4].any()
+    assert not out[9:].any()
+    assert defocused(image, softer, 0.0) is image

@@ -7,9 +7,11 @@ import math
 import numpy as np
 from numba import njit
 
+from .display import show_row
 from .geometry import INLINED, OPTIONS, homography, instant, instant_offset
 
 BENT = 0.003  # px, largest error of places along a piece of a row
+STRAIGHT = 0.01  # of a cell, by which a run may leave it
 
 
 @njit(inline='always', **OPTIONS)
@@ -30,26 +32,25 @@ def pose_at(time, control, first_time, knot_rows, q):
 
 @njit(inline='always', **OPTIONS)
 def cells(fraction, slope):
-    """Return for how many steps of `slope` a `fraction` of a cell stays in its cell, at least 1."""
-    if slope > 1e-9:
-        return int(min((1.0 - fraction) / slope, 1e6)) + 1
-    if slope < -1e-9:
-        return int(min(-fraction / slope, 1e6)) + 1
-    return 1000000
+    """Return how many steps of `slope` a `fraction` of a cell takes to leave its cell."""
+    ahead = 1.0 - fraction if slope > 0.0 else fraction
+    return ahead / (abs(slope) + 1e-9)
 
 
 @njit(**INLINED)
-def add_run(fine, at, stride, f_u, s_u, f_v, s_v, share, out, to, count):
+def add_run(fine, at, stride, f_u, s_u, c_u, f_v, s_v, c_v, share, out, to, count):
     """
     Add `share` of the reference, read along a row from cell `at` on, to out[to:], both flat.
 
-    Each step is two half pixels and changes the fractions by `s_u`, `s_v`: no index arithmetic,
-    all loads in order. This loop is where rendering spends its time.
+    Step k is 2k half pixels further on and adds k (s + k c) to the fractions f: no index
+    arithmetic, all loads in order. This loop is where rendering spends its time.
     """
     f_u = np.float32(f_u)
     f_v = np.float32(f_v)
     s_u = np.float32(s_u)
     s_v = np.float32(s_v)
+    c_u = np.float32(c_u)
+    c_v = np.float32(c_v)
     # unsigned: numba would check each signed index for wrapping around, and not vectorise
     at = np.uint64(at)
     to = np.uint64(to)
@@ -58,8 +59,8 @@ def add_run(fine, at, stride, f_u, s_u, f_v, s_v, share, out, to, count):
     for k in range(np.uint64(count)):
         n = k + k
         step = np.float32(np.int32(k))
-        u = f_u + step * s_u
-        v = f_v + step * s_v
+        u = f_u + step * (s_u + step * c_u)
+        v = f_v + step * (s_v + step * c_v)
         left = fine[at + n]
         top = left + u * (fine[at + n + one] - left)
         left = fine[below + n]
@@ -67,90 +68,190 @@ def add_run(fine, at, stride, f_u, s_u, f_v, s_v, share, out, to, count):
         out[to + k] += (top + v * (bottom - top)) * share
 
 
-@njit(**OPTIONS)
-def blur_rows(
-    first, last, top, left, right, fine, half_rows, half_columns, times, samples, control,
-    first_time, knot_rows, exposure, focal, center, inverse_depth, out, begins, ends,
+@njit(**INLINED)
+def add_colours(
+    fine, left, right, stride, pixel, f_u, s_u, c_u, f_v, s_v, c_v, share, out, to, count
 ):
     """
-    Write the mean of the warped reference over each row's exposure (Eq. 1) for one layer.
+    Do what `add_run` does for all `count` values of a run of colours, as they lie side by side.
 
-    Rows first..last, columns left..right of the live frame; `out` begins at row `top` and column
-    `left`. A row is complete in columns [begins, ends) and 0 outside.
-    Places are taken linear over pieces so short that they are off by `BENT` px at most.
+    What is left and right of the places begins at `left` and at `right`: columns of either half
+    pixel lie together, so that neighbours in the image are neighbours in memory. `pixel` holds
+    which pixel of the run a value belongs to.
     """
-    h = np.empty(9)
-    q = np.zeros(6)
+    f_u = np.float32(f_u)
+    f_v = np.float32(f_v)
+    s_u = np.float32(s_u)
+    s_v = np.float32(s_v)
+    c_u = np.float32(c_u)
+    c_v = np.float32(c_v)
+    left = np.uint64(left)
+    right = np.uint64(right)
+    stride = np.uint64(stride)
+    to = np.uint64(to)
+    for k in range(np.uint64(count)):
+        u = f_u + pixel[k] * (s_u + pixel[k] * c_u)
+        v = f_v + pixel[k] * (s_v + pixel[k] * c_v)
+        one = fine[left + k]
+        top = one + u * (fine[right + k] - one)
+        one = fine[left + stride + k]
+        bottom = one + u * (fine[right + stride + k] - one)
+        out[to + k] += (top + v * (bottom - top)) * share
+
+
+@njit(inline='always', **OPTIONS)
+def inside_of(h, a0, b0, c0, x, center, u_limit, v_limit):
+    """Say whether pixel `x` of a live row lies in the reference."""
+    u, v = half_place(h, a0, b0, c0, x, center)
+    return 0.0 <= u <= u_limit and 0.0 <= v <= v_limit
+
+
+@njit(**INLINED)
+def blur_row(
+    i, left, right, fine, half_rows, half_columns, colours, pixel, time, count, control, first_time,
+    knot_rows, exposure, focal, center, inverse_depth, q, h, sums, to,
+):
+    """
+    Write the mean of the warped reference over the exposure of row `i` (Eq. 1) to sums[to:], flat.
+
+    Columns left..right of the live frame. Returns between which the row is complete, outside it is
+    0. Places are parabolas over pieces so short that they are off by `BENT` px at most.
+    With one colour `fine` is a `sampling.half_pixel` image, with several `sampling.side_by_side`.
+    """
     half_width = center[0] + 0.5
     u_limit = half_columns - 2.0
     v_limit = half_rows - 2.0
-    flat = out.reshape(-1)
-    for i in range(first, last):
-        count = samples[i]
-        share = np.float32(1.0 / count)
-        lo = left
-        hi = right
-        for x in range(right - left):
-            out[i - top, x] = 0.0
-        y = i - center[1]
-        for k in range(count):
-            pose_at(
-                times[i] + instant_offset(k, count) * exposure, control, first_time, knot_rows, q
-            )
-            homography(q, focal, half_width, inverse_depth, h)
-            a0 = 2.0 * (h[1] * y + h[2])
-            b0 = 2.0 * (h[4] * y + h[5])
-            c0 = h[7] * y + h[8]
-            while lo < hi:
-                u, v = half_place(h, a0, b0, c0, lo, center)
-                if 0.0 <= u <= u_limit and 0.0 <= v <= v_limit:
-                    break
-                lo += 1
-            while lo < hi:
-                u, v = half_place(h, a0, b0, c0, hi - 1, center)
-                if 0.0 <= u <= u_limit and 0.0 <= v <= v_limit:
-                    break
-                hi -= 1
-            if lo >= hi:
-                break
-            bend = 2.0 * abs(h[6]) + 1e-12
-            piece = max(2, int(min(math.sqrt(8.0 * BENT / bend), 1e5)))
-            begin = lo
-            u, v = half_place(h, a0, b0, c0, begin, center)
-            while begin < hi:
-                end = min(begin + piece, hi)
-                u_end, v_end = half_place(h, a0, b0, c0, end, center)
-                s_u = (u_end - u) / (end - begin) - 2.0
-                s_v = (v_end - v) / (end - begin)
-                x = begin
-                while x < end:
-                    u_x = u + (s_u + 2.0) * (x - begin)
-                    v_x = v + s_v * (x - begin)
-                    # the last sample of a row or column has no right neighbour: step back one
-                    iu = max(0, min(int(u_x), half_columns - 2))
-                    iv = max(0, min(int(v_x), half_rows - 2))
-                    f_u = u_x - iu
-                    f_v = v_x - iv
-                    run = min(end - x, cells(f_u, s_u), cells(f_v, s_v))
-                    # the run must end before its row of cells does
-                    run = min(run, (half_columns - 2 - iu) // 2 + 1)
-                    add_run(
-                        fine, iv * half_columns + iu, half_columns, f_u, s_u, f_v, s_v, share,
-                        flat, (i - top) * out.shape[1] + x - left, run,
-                    )
-                    x += run
-                begin = end
-                u = u_end
-                v = v_end
+    columns = half_columns // 2
+    share = np.float32(1.0 / count)
+    lo = left
+    hi = right
+    sums[to : to + (right - left) * colours] = 0.0
+    y = i - center[1]
+    for k in range(count):
+        pose_at(time + instant_offset(k, count) * exposure, control, first_time, knot_rows, q)
+        homography(q, focal, half_width, inverse_depth, h)
+        a0 = 2.0 * (h[1] * y + h[2])
+        b0 = 2.0 * (h[4] * y + h[5])
+        c0 = h[7] * y + h[8]
+        while lo < hi and not inside_of(h, a0, b0, c0, lo, center, u_limit, v_limit):
+            lo += 1
+        while lo < hi and not inside_of(h, a0, b0, c0, hi - 1, center, u_limit, v_limit):
+            hi -= 1
         if lo >= hi:
-            lo = left
-            hi = left
-        for x in range(lo - left):
-            out[i - top, x] = 0.0
-        for x in range(hi - left, right - left):
-            out[i - top, x] = 0.0
-        begins[i - top] = lo
-        ends[i - top] = hi
+            break
+        # a parabola is off by |third derivative| piece^3 / 125
+        piece = max(2, int(min((BENT * 125.0 / (6.0 * h[6] * h[6] + 1e-15)) ** (1.0 / 3.0), 1e5)))
+        begin = lo
+        u, v = half_place(h, a0, b0, c0, begin, center)
+        while begin < hi:
+            end = min(begin + piece, hi)
+            g = 0.5 * (end - begin)
+            u_mid, v_mid = half_place(h, a0, b0, c0, begin + g, center)
+            u_end, v_end = half_place(h, a0, b0, c0, end, center)
+            c_u = 0.5 * (u_end - 2.0 * u_mid + u) / (g * g)
+            c_v = 0.5 * (v_end - 2.0 * v_mid + v) / (g * g)
+            s_u = (u_mid - u) / g - c_u * g - 2.0
+            s_v = (v_mid - v) / g - c_v * g
+            # over so many pixels a parabola is so nearly straight that the slope between its ends
+            # tells where it leaves a cell
+            straight = min(math.sqrt(4.0 * STRAIGHT / (max(abs(c_u), abs(c_v)) + 1e-12)), 1e5) + 1.0
+            x = begin
+            while x < end:
+                d = x - begin
+                u_x = u + d * (s_u + 2.0 + d * c_u)
+                v_x = v + d * (s_v + d * c_v)
+                # the last sample of a row or column has no right neighbour: step back one
+                iu = max(0, min(int(u_x), half_columns - 2))
+                iv = max(0, min(int(v_x), half_rows - 2))
+                f_u = u_x - iu
+                f_v = v_x - iv
+                in_u = cells(f_u, s_u + c_u * (2.0 * d + straight))
+                in_v = cells(f_v, s_v + c_v * (2.0 * d + straight))
+                run = min(end - x, int(min(straight, in_u, in_v)) + 1)
+                # the run must end before its row of cells does
+                run = min(run, (half_columns - 2 - iu) // 2 + 1)
+                t_u = s_u + 2.0 * c_u * d
+                t_v = s_v + 2.0 * c_v * d
+                if colours == 1:
+                    add_run(
+                        fine, iv * half_columns + iu, half_columns, f_u, t_u, c_u, f_v, t_v, c_v,
+                        share, sums, to + x - left, run,
+                    )
+                else:
+                    odd = iu & 1
+                    own = iv * half_columns + odd * columns + (iu >> 1)
+                    after = iv * half_columns + (1 - odd) * columns + ((iu + 1) >> 1)
+                    add_colours(
+                        fine, own * colours, after * colours, half_columns * colours, pixel, f_u,
+                        t_u, c_u, f_v, t_v, c_v, share, sums, to + (x - left) * colours,
+                        run * colours,
+                    )
+                x += run
+            begin = end
+            u = u_end
+            v = v_end
+    if lo >= hi:
+        lo = left
+        hi = left
+    sums[to : to + (lo - left) * colours] = 0.0
+    sums[to + (hi - left) * colours : to + (right - left) * colours] = 0.0
+    return lo, hi
+
+
+@njit(**OPTIONS)
+def blur_rows(
+    first, last, top, left, right, fine, half_rows, half_columns, times, samples, control,
+    first_time, knot_rows, exposure, focal, center, inverse_depth, pixel, out, complete,
+):
+    """
+    Write the mean of the warped reference over each row's exposure for one layer, see `blur_row`.
+
+    Rows first..last of the live frame; `out` and `complete` begin at row `top` and column `left`.
+    """
+    h = np.empty(9)
+    q = np.zeros(6)
+    width = right - left
+    sums = out.reshape(-1)
+    for i in range(first, last):
+        lo, hi = blur_row(
+            i, left, right, fine, half_rows, half_columns, 1, pixel, times[i], samples[i], control,
+            first_time, knot_rows, exposure, focal, center, inverse_depth, q, h, sums,
+            (i - top) * width,
+        )
+        complete[i - top] = False
+        complete[i - top, lo - left : hi - left] = True
+
+
+@njit(**OPTIONS)
+def show_rows(
+    first, last, top, left, right, fine, half_rows, half_columns, times, samples, control,
+    first_time, knot_rows, exposure, focal, center, inverse_depth, pixel, gain, bias, gamma,
+    weights, grey, shown, complete,
+):
+    """
+    Write display values of what `blur_rows` finds, in other light, see `display.show_row`.
+
+    `shown` (rows, columns * colours) is 0 where a row is not complete.
+    """
+    h = np.empty(9)
+    q = np.zeros(6)
+    width = right - left
+    colours = weights.size
+    sums = np.empty(width * colours, np.float32)
+    for i in range(first, last):
+        lo, hi = blur_row(
+            i, left, right, fine, half_rows, half_columns, colours, pixel, times[i], samples[i],
+            control, first_time, knot_rows, exposure, focal, center, inverse_depth, q, h, sums, 0,
+        )
+        n = i - top
+        show_row(
+            sums, pixel, colours, left - center[0], i - center[1], center[0] + 0.5, gain, bias,
+            gamma, weights, grey[n], shown[n],
+        )
+        shown[n, : (lo - left) * colours] = 0
+        shown[n, (hi - left) * colours :] = 0
+        complete[n] = False
+        complete[n, lo - left : hi - left] = True
 
 
 @njit(**OPTIONS)

@@ -1,0 +1,46 @@
+"""Threads that share the work on one frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
+
+PARTS = 8  # blocks that work is cut into: enough that nobody waits long for the last one
+SMALL = 1 << 14  # px; handing out less than that takes longer than doing it
+
+
+class Workers(ThreadPoolExecutor):
+    """So many `threads`, the caller among them."""
+
+    def __init__(self, threads: int) -> None:
+        super().__init__(threads, 'rsmb')
+        self.helpers = threads - 1
+
+
+def shared(executor: Executor, run: Callable[[int, int], None], rows: int, work: int) -> None:
+    """
+    Call `run` with blocks (first, last) that cover `rows` rows once, by several threads at once.
+
+    The caller takes blocks, too, and asks as few threads as there are: each that is woken costs
+    more than a block. Which thread runs which block is left to chance, so blocks must not share
+    anything they write. `work` [px] says how much there is to do.
+    """
+    blocks = [(n * rows // PARTS, (n + 1) * rows // PARTS) for n in range(PARTS)]
+    if work < SMALL:
+        run(0, rows)
+        return
+
+    def work_off() -> None:
+        while blocks:
+            try:
+                block = blocks.pop()
+            except IndexError:  # another thread was faster
+                return
+            run(*block)
+
+    helpers = getattr(executor, 'helpers', 1)
+    asked = [executor.submit(work_off) for _ in range(helpers)]
+    work_off()
+    for helper in asked:
+        if not helper.cancel():  # one that has not begun by now is not needed
+            helper.result()

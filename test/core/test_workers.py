@@ -1,0 +1,33 @@
+"""Work on one frame is shared without gaps, and its errors are not lost."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rsmb_ros.core.workers import SMALL, Workers, shared
+
+
+@pytest.mark.parametrize('threads', [1, 2, 7])
+@pytest.mark.parametrize('rows', [0, 1, 5, 480])
+@pytest.mark.parametrize('work', [1, SMALL])
+def test_each_row_is_done_once(threads, rows, work):
+    done = np.zeros(rows, np.int64)
+
+    def run(first, last):
+        done[first:last] += 1
+
+    with Workers(threads) as workers:
+        shared(workers, run, rows, work)
+    assert np.all(done == 1)
+
+
+def test_an_error_of_any_thread_is_raised():
+    def run(first, last):
+        if first <= 50 < last:
+            raise ValueError('row 50')
+
+    with Workers(3) as workers:
+        for _ in range(20):  # whoever takes that block
+            with pytest.raises(ValueError, match='row 50'):
+                shared(workers, run, 100, SMALL)
