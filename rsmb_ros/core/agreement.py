@@ -14,7 +14,6 @@ MIN_BLOCKS = 4
 SHARP_SHARE = 95  # percentile of the gradients that stands for an image's sharpness
 MIN_SHARPNESS = 0.6  # registered / live; 0.93 to 1.0 on right frames, below 0.45 on smeared ones
 ROW_WINDOW = 9  # rows
-MISFIT = 2.0  # sigma of a pixel that does not fit
 MISFIT_SHARE = 0.5  # of a row's pixels, above which the row itself is in the wrong place
 
 
@@ -65,14 +64,14 @@ def sharpness(predicted: np.ndarray, live: np.ndarray, judged: np.ndarray) -> fl
     return float(np.sqrt(found / max(seen, 1e-6)))
 
 
-def misfitting_rows(z: np.ndarray, judged: np.ndarray) -> np.ndarray:
+def misfitting_rows(misfits: np.ndarray, asked: np.ndarray) -> np.ndarray:
     """
     Rows in which most of what can be judged does not fit, (M,) bool.
 
     Such rows were not registered (the ends of a frame, mostly), so they say nothing about changes.
-    `z` (M, N) is the residual in units of its noise, `judged` (M, N) bool.
+    `asked` (M,) pixels of each row can be judged, `misfits` of them do not fit.
     """
-    window = (1, ROW_WINDOW)
-    misfits = cv2.blur(((np.abs(z) > MISFIT) & judged).sum(axis=1, dtype=np.float64), window)
-    asked = cv2.blur(judged.sum(axis=1, dtype=np.float64), window)
-    return (misfits > MISFIT_SHARE * asked)[:, 0]
+    misfit, known = (
+        cv2.blur(count.astype(np.float64)[:, None], (1, ROW_WINDOW)) for count in (misfits, asked)
+    )
+    return (misfit > MISFIT_SHARE * known)[:, 0]

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -17,7 +18,7 @@ from .agreement import misfitting_rows
 from .clock import Clock
 from .config import Config
 from .depth_search import DepthSearch
-from .evidence import OUTLINE_WINDOW, NoiseTable, evidence
+from .evidence import OUTLINE_WINDOW, NoiseTable, Texture, box_rms
 from .frame import RegisteredFrame
 from .layers import Layer
 from .motion import moved_px
@@ -44,7 +45,12 @@ class Seen:
     noise: NoiseTable
     strength: np.ndarray  # (M, N) float32 [sigma]
     mask: np.ndarray  # (M, N) uint8 0/1, candidate objects
-    sharp: np.ndarray  # (M, N) float32 [sigma], over a smaller window
+    squares: np.ndarray  # (M, N) float32, of the normalised residual, truncated
+
+    @cached_property
+    def sharp(self) -> np.ndarray:
+        """Evidence over a smaller window (M, N) float32 [sigma]."""
+        return box_rms(self.squares, OUTLINE_WINDOW)
 
 
 @dataclass(frozen=True)
@@ -137,15 +143,18 @@ class ChangeFinder:
         return mask
 
     def _evidence(self, frame: RegisteredFrame) -> Seen:
-        noise = NoiseTable.learn(frame.predicted, frame.residual, frame.judged)
+        texture = Texture.of(frame.predicted)
+        noise = NoiseTable.learn(texture, frame.residual, frame.judged)
         place = np.nan_to_num(frame.row_uncertainty, nan=0.0).astype(np.float32)
-        frame.judged &= (place < LOST)[:, None]
-        z = frame.residual / (noise(frame.predicted, place) * frame.misfit)
-        frame.judged &= ~misfitting_rows(z, frame.judged)[:, None]
-        z = np.where(frame.judged, z, np.float32(0.0))
-        strength = evidence(z)
-        sharp = evidence(z, OUTLINE_WINDOW)
-        return Seen(noise, strength, candidates(strength, self._config.change), sharp)
+        frame.judged[place >= LOST] = False
+        z2, misfits, asked = noise.surprise(
+            texture, frame.residual, frame.judged, frame.misfit, place
+        )
+        lost = misfitting_rows(misfits, asked)
+        frame.judged[lost] = False
+        z2[lost] = 0.0
+        strength = box_rms(z2)
+        return Seen(noise, strength, candidates(strength, self._config.change), z2)
 
     def _layers(
         self, frame: RegisteredFrame, seen: Seen, known: Sequence[Layer] = ()

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from .config import ChangeConfig, LayersConfig
-from .evidence import evidence
+from .evidence import NoiseTable, Texture, evidence
 from .layers import NO_SHIFT, Layer, Place, padded
 from .motion import CameraPath
 from .render import Window
@@ -47,7 +47,7 @@ class DepthSearch:
     """Judges objects of one frame against the reference at other depths."""
 
     live: np.ndarray  # (M, N) float32 display values
-    sigma: Callable[[np.ndarray], np.ndarray]  # predicted image -> noise [grey levels]
+    noise: NoiseTable
     render: Render
     sketch: Render  # the same in grey: quick, and good enough to compare depths by
     path: CameraPath
@@ -208,7 +208,7 @@ class DepthSearch:
 
     def _misfit_of(self, predicted: np.ndarray, complete: np.ndarray, window: Window) -> np.ndarray:
         """Return the normalised residual of a window's prediction."""
-        z = (self.live[window.box] - predicted) / self.sigma(predicted)
+        z = (self.live[window.box] - predicted) / self.noise(Texture.of(predicted))
         z[~complete] = UNSEEN_Z
         return z
 

@@ -193,7 +193,7 @@ class PathFrame(RegisteredFrame):
         """Centroid pose tau_c of each row (M, 6)."""
         return self.path.row_motion()
 
-    @property
+    @cached_property
     def row_uncertainty(self) -> np.ndarray:
         """Standard deviation of each row's place (M,) [px], from the Hessian."""
         return row_uncertainty(self.fit)
