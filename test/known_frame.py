@@ -51,7 +51,7 @@ class KnownFrame:
             frame.grey,
             self.noise,
             frame.render,
-            frame.sketch,
+            frame.energy(self.noise),
             frame.path,
             LayersConfig(),
             ChangeConfig(),

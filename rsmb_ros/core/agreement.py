@@ -13,8 +13,6 @@ MIN_CORRELATION = 0.6  # of a block that agrees
 MIN_BLOCKS = 4
 SHARP_SHARE = 95  # percentile of the gradients that stands for an image's sharpness
 MIN_SHARPNESS = 0.6  # registered / live; 0.93 to 1.0 on right frames, below 0.45 on smeared ones
-ROW_WINDOW = 9  # rows
-MISFIT_SHARE = 0.5  # of a row's pixels, above which the row itself is in the wrong place
 
 
 def agreement(predicted: np.ndarray, live: np.ndarray, complete: np.ndarray) -> float | None:
@@ -62,16 +60,3 @@ def sharpness(predicted: np.ndarray, live: np.ndarray, judged: np.ndarray) -> fl
         for image in (predicted, live)
     )
     return float(np.sqrt(found / max(seen, 1e-6)))
-
-
-def misfitting_rows(misfits: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """
-    Rows in which most of what can be judged does not fit, (M,) bool.
-
-    Such rows were not registered (the ends of a frame, mostly), so they say nothing about changes.
-    `asked` (M,) pixels of each row can be judged, `misfits` of them do not fit.
-    """
-    misfit, known = (
-        cv2.blur(count.astype(np.float64)[:, None], (1, ROW_WINDOW)) for count in (misfits, asked)
-    )
-    return (misfit > MISFIT_SHARE * known)[:, 0]

@@ -14,10 +14,9 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from .agreement import misfitting_rows
 from .clock import Clock
 from .config import Config
-from .depth_search import DepthSearch
+from .depth_search import DepthSearch, Refused
 from .evidence import OUTLINE_WINDOW, NoiseTable, Texture, box_rms
 from .frame import RegisteredFrame
 from .layers import Layer
@@ -95,9 +94,10 @@ class ChangeFinder:
         with clock.step('change'):
             seen = self._evidence(frame)
         layers: list[Layer] = []
+        refused = Refused()
         if self._config.layers.enabled and seen.mask.any():
             with clock.step('layers'):
-                layers = self._layers(frame, seen)
+                layers = self._layers(frame, seen, refused)
         for _ in range(REFITS):
             foreground = self._foreground(frame, seen, layers)
             if not foreground.any():
@@ -108,7 +108,7 @@ class ChangeFinder:
                 seen = self._evidence(frame)
             if self._config.layers.enabled:
                 with clock.step('layers again'):
-                    layers = self._layers(frame, seen, layers)
+                    layers = self._layers(frame, seen, refused, layers)
                     frame.put_in_front(layers)
                     seen = self._evidence(frame)
             if moved_px(before.path, frame.path) < STILL:
@@ -116,17 +116,19 @@ class ChangeFinder:
         doubtful = _doubtful_rows(seen.mask * frame.judged)
         if self._config.layers.enabled:
             with clock.step('layers again'):
-                seen = self._last_look(frame, seen, layers)
+                seen = self._last_look(frame, seen, refused, layers)
         return Finding(frame, seen, tuple(layers), doubtful)
 
-    def _last_look(self, frame: RegisteredFrame, seen: Seen, layers: list[Layer]) -> Seen:
+    def _last_look(
+        self, frame: RegisteredFrame, seen: Seen, refused: Refused, layers: list[Layer]
+    ) -> Seen:
         """
         Search what stands out once the static objects are in front; `layers` grows by it.
 
         With them gone the frame's noise is less, and what it had hidden has not been asked yet.
         """
         for _ in range(LAST_LOOKS):
-            more = self._layers(frame, seen, layers) if seen.mask.any() else []
+            more = self._layers(frame, seen, refused, layers) if seen.mask.any() else []
             if not more:
                 break
             layers += more
@@ -147,28 +149,28 @@ class ChangeFinder:
         noise = NoiseTable.learn(texture, frame.residual, frame.judged)
         place = np.nan_to_num(frame.row_uncertainty, nan=0.0).astype(np.float32)
         frame.judged[place >= LOST] = False
-        z2, misfits, asked = noise.surprise(
-            texture, frame.residual, frame.judged, frame.misfit, place
-        )
-        lost = misfitting_rows(misfits, asked)
-        frame.judged[lost] = False
-        z2[lost] = 0.0
+        z2 = noise.surprise(texture, frame.residual, frame.judged, frame.misfit, place)
         strength = box_rms(z2)
         return Seen(noise, strength, candidates(strength, self._config.change), z2)
 
     def _layers(
-        self, frame: RegisteredFrame, seen: Seen, known: Sequence[Layer] = ()
+        self,
+        frame: RegisteredFrame,
+        seen: Seen,
+        refused: Refused,
+        known: Sequence[Layer] = (),
     ) -> list[Layer]:
-        """Find the static objects among the candidates."""
+        """Find the static objects among the candidates; `refused` learns which are none."""
         config = self._config
         search = DepthSearch(
             frame.grey,
             seen.noise,
             frame.render,
-            frame.sketch,
+            frame.energy(seen.noise),
             frame.path,
             config.layers,
             config.change,
+            refused,
         )
         layers = [layer for blob in blobs(seen.mask) if (layer := search.explain(blob, known))]
         rest = seen.mask.copy()

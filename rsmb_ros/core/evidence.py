@@ -22,7 +22,6 @@ MISPLACED = 0.12  # px, by which an edge may be off although its surroundings fi
 OUTLINE_WINDOW = 3  # px; where the outline of what is known to be an object is looked for
 PLACE_SHARE = np.float32(2.0)  # standard deviations that a row may lie off: all of it does at once
 MAX_Z2 = 100.0  # one wild pixel must not decide for its neighbourhood
-MISFIT = 2.0  # sigma of a pixel that does not fit
 
 
 def gradient_energy(image: np.ndarray) -> np.ndarray:
@@ -44,14 +43,6 @@ class Texture(NamedTuple):
         energy, code = np.empty(image.shape, np.float32), np.empty(image.shape, np.uint16)
         kernels.describe_rows(0, len(image), np.ascontiguousarray(image), energy, code)
         return cls(energy, code)
-
-
-class Surprise(NamedTuple):
-    """Normalised residuals of a frame."""
-
-    z2: np.ndarray  # (M, N) float32 squared, at most MAX_Z2; 0 where the frame is not judged
-    misfits: np.ndarray  # (M,) pixels of each row that do not fit
-    asked: np.ndarray  # (M,) pixels of each row that are judged
 
 
 @dataclass(frozen=True)
@@ -118,20 +109,19 @@ class NoiseTable:
         judged: np.ndarray,
         misfit: np.ndarray,
         place: np.ndarray,
-    ) -> Surprise:
+    ) -> np.ndarray:
         """
-        Compare the residual of a predicted image (M, N) with its noise where it is judged.
+        Square the residual of a predicted image over its noise, (M, N) float32, at most MAX_Z2.
 
-        `misfit` (M, N) says how much larger residuals are there than noise, for `place` see above.
+        0 where it is not judged. `misfit` (M, N) says how much larger residuals are there than
+        noise, for `place` see above.
         """
-        rows = len(residual)
-        z2 = np.empty(residual.shape, np.float32)
-        misfits, asked = np.empty((2, rows), np.int64)
+        out = np.empty(residual.shape, np.float32)
         kernels.surprise_rows(
-            0, rows, residual, misfit, judged, texture.code, texture.energy, self.variances,
-            _misplaced(texture, place), MISFIT**2, MAX_Z2, z2, misfits, asked,
+            0, len(residual), residual, misfit, judged, texture.code, texture.energy,
+            self.variances, _misplaced(texture, place), MAX_Z2, out,
         )  # fmt: skip
-        return Surprise(z2, misfits, asked)
+        return out
 
 
 def evidence(z: np.ndarray, size: int = EVIDENCE_WINDOW) -> np.ndarray:

@@ -10,6 +10,8 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from .depth_energy import DepthEnergy, PathEnergy, RenderedEnergy, Sight
+from .evidence import NoiseTable
 from .layers import NO_SHIFT, Front, Layer, fronts
 from .motion import CameraPath, shifted
 from .path_fit import PathFit, row_uncertainty
@@ -104,11 +106,9 @@ class RegisteredFrame(ABC):
         """Where the reference shows anything of what the live frame sees (M, N) bool."""
         return self.complete
 
-    def sketch(
-        self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return what `render` does, perhaps less exactly, in the least time."""
-        return self.render(depth, window, shift)
+    def energy(self, noise: NoiseTable) -> DepthEnergy:
+        """Return what compares depths at which objects of this frame may lie."""
+        return RenderedEnergy(self.grey, noise, self.render)
 
     @abstractmethod
     def registered(self) -> np.ndarray:
@@ -234,11 +234,10 @@ class PathFrame(RegisteredFrame):
             shown.append(plane)
         return mixed(shown), complete
 
-    def sketch(
-        self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return what `render` does, blurred in grey."""
-        return self._shown(self._fine, depth, window, shift)
+    def energy(self, noise: NoiseTable) -> DepthEnergy:
+        """Return what compares depths at which objects of this frame may lie, in grey."""
+        sight = Sight(self._fine, self.path, self.fit.light, self._reference.gamma)
+        return PathEnergy(self.grey, noise, sight)
 
     def _shown(
         self, fine: np.ndarray, depth: float, window: Window, shift: tuple[float, float]

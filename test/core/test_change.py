@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from rsmb_ros.core.agreement import agreement, misfitting_rows, sharpness
+from rsmb_ros.core.agreement import agreement, sharpness
 from rsmb_ros.core.config import ChangeConfig
 from rsmb_ros.core.evidence import NoiseTable, Texture, evidence
 from rsmb_ros.core.segmentation import blobs, candidates, without_thin
@@ -77,17 +77,6 @@ def test_agreement_counts_blocks_not_pixels(texture_of):
     assert abs(agreement(image, half, whole) - 0.5) < 0.12
     assert agreement(image, other, whole) < 0.15
     assert agreement(np.full_like(image, 9), np.full_like(image, 9), whole) is None
-
-
-def test_rows_in_the_wrong_place_are_told_from_rows_with_a_large_change():
-    z = np.random.default_rng(6).normal(0, 1, (240, 320)).astype(np.float32)
-    judged = np.ones(z.shape, bool)
-    z[:20] *= 8.0  # misregistered: everything misfits
-    z[100:140, 50:180] += 30.0  # an object over 40 % of the width
-    judged[:, 300:] = False
-    bad = misfitting_rows(((np.abs(z) > 2.0) & judged).sum(axis=1), judged.sum(axis=1))
-    assert bad[:15].all()
-    assert not bad[30:].any()
 
 
 def test_a_smeared_prediction_is_told_from_a_right_one(texture_of):

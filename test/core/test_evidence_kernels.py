@@ -97,16 +97,14 @@ def test_surprise_is_the_truncated_square_of_residual_over_noise(image):
     judged = rng.random(SHAPE) < 0.8
     variances = rng.uniform(1, 20, 65536).astype(np.float32)
     place = rng.uniform(0, 0.1, SHAPE[0]).astype(np.float32)
-    out, (misfits, asked) = np.empty(SHAPE, np.float32), np.empty((2, SHAPE[0]), np.int64)
+    out = np.empty(SHAPE, np.float32)
     surprise_rows(
         0, SHAPE[0], residual, misfit, judged, texture.code, texture.energy, variances, place,
-        4.0, 9.0, out, misfits, asked,
+        9.0, out,
     )  # fmt: skip
     noise = np.sqrt(variances[texture.code] + place[:, None] * texture.energy) * misfit
     z2 = np.where(judged, (residual / noise) ** 2, 0.0)
     np.testing.assert_allclose(out, np.minimum(z2, 9.0), rtol=1e-4)
-    np.testing.assert_array_equal(misfits, (z2 > 4.0).sum(axis=1))
-    np.testing.assert_array_equal(asked, judged.sum(axis=1))
 
 
 @pytest.mark.parametrize('size', [3, 7])

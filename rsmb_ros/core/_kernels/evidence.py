@@ -145,31 +145,21 @@ def fill_variances(sigma, level_place, step_place, out):
 
 @njit(**OPTIONS)
 def surprise_rows(
-    first, last, residual, misfit, judged, code, energy, variances, misplaced, beyond, most, out,
-    misfits, asked,
+    first, last, residual, misfit, judged, code, energy, variances, misplaced, most, out,
 ):
     """
     Write min(z^2, most) of the pixels that are judged, 0 elsewhere; z is residual over noise.
 
-    `misplaced` (M,) is the variance of each row's place [px^2]. `misfits` counts the pixels of a
-    row with z^2 > `beyond`, `asked` those that are judged.
+    `misplaced` (M,) is the variance of each row's place [px^2].
     """
     top = np.float32(most)
-    limit = np.float32(beyond)
     for y in range(first, last):
-        far = 0
-        known = 0
         place = misplaced[y]
         for x in range(residual.shape[1]):
             scale = misfit[y, x]
             variance = (variances[code[y, x]] + place * energy[y, x]) * scale * scale
-            z2 = residual[y, x] * residual[y, x] / variance
-            use = judged[y, x]
-            known += use
-            far += use and z2 > limit
-            out[y, x] = min(z2, top) if use else np.float32(0.0)
-        misfits[y] = far
-        asked[y] = known
+            z2 = min(residual[y, x] * residual[y, x] / variance, top)
+            out[y, x] = z2 if judged[y, x] else np.float32(0.0)
 
 
 @njit(**OPTIONS)
