@@ -33,6 +33,8 @@ SURE_SHARE = 0.5  # ... unless this share is explained
 ALIKE = 0.9  # correlation of an object that may fit less well than its surroundings ...
 MAX_MISFIT = 2.5  # ... by so much
 MAX_ENERGY_RATIO = 0.85  # of the energy at the background's depth
+UNLIKE = 0.3  # correlation below which no small shift makes an object alike
+SMOOTHING = 5  # px, of what shifts are found by
 MAX_SHIFT = 0.5  # of an object's parallax: tilt and translation are not told apart better
 MAX_OFF = 2.5  # px, that a static object may lie from where the background puts it
 CLEAR_RATIO = 0.7  # an object that fits less well is not asked again
@@ -87,34 +89,29 @@ class DepthSearch:
             for layer in known
             if _touch(window, padded(layer.blob, self.live.shape, PAD))
         ]
+        reach = float(np.hypot(*self._displacement(blob)))
         beside = None
         if near:
-            beside = self._explained(self._best(near, blob, window, mask), blob, window, mask)
+            best = self.energy.best(window, mask, np.array(near), reach)
+            beside = self._explained(best, reach, window, mask)
             if beside is not None and _fits(beside.place):
                 return beside
         if (blob, self.path) in self.refused:
             return beside
         depths = np.arange(self.config.depth_min, self.config.depth_max + 1e-9, COARSE_STEP)
-        best = self._best(depths, blob, window, mask)
-        layer = self._explained(best, blob, window, mask)
+        best = self.energy.best(window, mask, depths, reach)
+        layer = self._explained(best, reach, window, mask)
         if layer is None and best.energy > CLEAR_RATIO * best.background:
             self.refused.add(blob, self.path)
         # a depth of its own goes before a neighbour's that fits with some help only
         return beside if layer is None or (beside and not _fits(layer.place)) else layer
 
-    def _best(
-        self, depths: Sequence[float] | np.ndarray, blob: Blob, window: Window, mask: np.ndarray
-    ) -> BestDepth:
-        """Return the depth near these that `blob` fits best at."""
-        reach = float(np.hypot(*self._displacement(blob)))
-        return self.energy.best(window, mask, np.asarray(depths, np.float64), reach)
-
     def _explained(
-        self, best: BestDepth, blob: Blob, window: Window, mask: np.ndarray
+        self, best: BestDepth, reach: float, window: Window, mask: np.ndarray
     ) -> Layer | None:
-        """Return the layer that explains `blob` at its best depth, or not far from there."""
+        """Return the layer that explains an object at its best depth, or not far from there."""
         depth = best.depth
-        parallax = float(np.hypot(*self._displacement(blob))) * abs(1.0 / depth - 1.0)
+        parallax = reach * abs(1.0 / depth - 1.0)
         layer, share = None, 0.0
         if best.energy < MAX_ENERGY_RATIO * best.background:
             layer, share = self._judged(depth, NO_SHIFT, window, mask)
@@ -125,7 +122,10 @@ class DepthSearch:
         if layer is None:
             share = 0.0  # what may not be taken must not outdo a shift
         # tilt and translation look alike on the ground alone: then t / d points elsewhere
-        for start, limit in ((depth, 1.0 + MAX_SHIFT * parallax), (1.0, MAX_OFF)):
+        starts = [(depth, 1.0 + MAX_SHIFT * parallax), (1.0, MAX_OFF)]
+        if parallax < MIN_PARALLAX:
+            del starts[0]  # the same as the other
+        for start, limit in starts:
             shift = self._shift(start, window, mask, limit)
             if shift is not None:
                 other, more = self._judged(start, shift, window, mask)
@@ -156,12 +156,15 @@ class DepthSearch:
 
         None where that does not converge, or beyond `limit` px.
         """
-        predicted, _ = self.render(depth, window, NO_SHIFT)
+        predicted, live = self.render(depth, window, NO_SHIFT)[0], self.live[window.box]
+        smooth = [cv2.GaussianBlur(image, (SMOOTHING,) * 2, 0)[mask] for image in (predicted, live)]
+        if _correlation(*smooth) < UNLIKE:
+            return None
         warp = np.eye(2, 3, dtype=np.float32)
         try:
             match, warp = cv2.findTransformECC(
-                self.live[window.box], predicted, warp, cv2.MOTION_TRANSLATION, SHIFT_STOP,
-                mask.astype(np.uint8), 5,
+                live, predicted, warp, cv2.MOTION_TRANSLATION, SHIFT_STOP, mask.astype(np.uint8),
+                SMOOTHING,
             )  # fmt: skip
         except cv2.error:  # it does not converge where nothing matches
             return None
@@ -276,6 +279,8 @@ def _misfit(z: np.ndarray) -> float:
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    if a.std() < 1e-3 or b.std() < 1e-3:
+    a, b = a - a.mean(), b - b.mean()
+    spread = float(np.dot(a, a)), float(np.dot(b, b))
+    if min(spread) < 1e-6 * a.size:
         return 0.0
-    return float(np.corrcoef(a, b)[0, 1])
+    return float(np.dot(a, b)) / (spread[0] * spread[1]) ** 0.5
