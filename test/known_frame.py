@@ -11,7 +11,7 @@ import numpy as np
 from rsmb_ros.core._kernels.fit_row import EXTRA
 from rsmb_ros.core.config import ChangeConfig, LayersConfig
 from rsmb_ros.core.depth_search import DepthSearch
-from rsmb_ros.core.evidence import NoiseTable, evidence
+from rsmb_ros.core.evidence import NoiseTable, Texture, evidence
 from rsmb_ros.core.frame import PathFrame
 from rsmb_ros.core.motion import (
     CameraPath,
@@ -51,7 +51,7 @@ class KnownFrame:
             frame.grey,
             self.noise,
             frame.render,
-            frame.sketch,
+            frame.energy(self.noise),
             frame.path,
             LayersConfig(),
             ChangeConfig(),
@@ -93,8 +93,8 @@ def known_frame(
     )
     grey = luma(live)
     frame = PathFrame(Reference(reference, nuisances.gamma), live, grey, fit, executor)
-    noise = NoiseTable.learn(frame.predicted, frame.residual, frame.judged)
-    z = np.where(frame.judged, frame.residual / noise(frame.predicted), np.float32(0.0))
+    noise = NoiseTable.learn(Texture.of(frame.predicted), frame.residual, frame.judged)
+    z = np.where(frame.judged, frame.residual / noise(Texture.of(frame.predicted)), np.float32(0.0))
     return KnownFrame(frame, truth, noise, z, candidates(evidence(z), ChangeConfig()))
 
 

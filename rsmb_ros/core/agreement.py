@@ -13,9 +13,6 @@ MIN_CORRELATION = 0.6  # of a block that agrees
 MIN_BLOCKS = 4
 SHARP_SHARE = 95  # percentile of the gradients that stands for an image's sharpness
 MIN_SHARPNESS = 0.6  # registered / live; 0.93 to 1.0 on right frames, below 0.45 on smeared ones
-ROW_WINDOW = 9  # rows
-MISFIT = 2.0  # sigma of a pixel that does not fit
-MISFIT_SHARE = 0.5  # of a row's pixels, above which the row itself is in the wrong place
 
 
 def agreement(predicted: np.ndarray, live: np.ndarray, complete: np.ndarray) -> float | None:
@@ -71,16 +68,3 @@ def _largest(values: np.ndarray) -> float:
     # np.percentile would take ten times as long to find a place between two values
     at = int((values.size - 1) * SHARP_SHARE / 100)
     return float(np.partition(values, at)[at])
-
-
-def misfitting_rows(z: np.ndarray, judged: np.ndarray) -> np.ndarray:
-    """
-    Rows in which most of what can be judged does not fit, (M,) bool.
-
-    Such rows were not registered (the ends of a frame, mostly), so they say nothing about changes.
-    `z` (M, N) is the residual in units of its noise, `judged` (M, N) bool.
-    """
-    window = (1, ROW_WINDOW)
-    misfits = cv2.blur(((np.abs(z) > MISFIT) & judged).sum(axis=1, dtype=np.float64), window)
-    asked = cv2.blur(judged.sum(axis=1, dtype=np.float64), window)
-    return (misfits > MISFIT_SHARE * asked)[:, 0]

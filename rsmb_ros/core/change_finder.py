@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 
-from .agreement import misfitting_rows
 from .clock import Clock
 from .config import Config
-from .depth_search import DepthSearch
-from .evidence import OUTLINE_WINDOW, NoiseTable, evidence
+from .depth_search import DepthSearch, Refused
+from .evidence import OUTLINE_WINDOW, NoiseTable, Texture, box_rms
 from .frame import RegisteredFrame
 from .layers import Layer
 from .motion import moved_px
@@ -44,7 +44,12 @@ class Seen:
     noise: NoiseTable
     strength: np.ndarray  # (M, N) float32 [sigma]
     mask: np.ndarray  # (M, N) uint8 0/1, candidate objects
-    sharp: np.ndarray  # (M, N) float32 [sigma], over a smaller window
+    squares: np.ndarray  # (M, N) float32, of the normalised residual, truncated
+
+    @cached_property
+    def sharp(self) -> np.ndarray:
+        """Evidence over a smaller window (M, N) float32 [sigma]."""
+        return box_rms(self.squares, OUTLINE_WINDOW)
 
 
 @dataclass(frozen=True)
@@ -89,9 +94,10 @@ class ChangeFinder:
         with clock.step('change'):
             seen = self._evidence(frame)
         layers: list[Layer] = []
+        refused = Refused()
         if self._config.layers.enabled and seen.mask.any():
             with clock.step('layers'):
-                layers = self._layers(frame, seen)
+                layers = self._layers(frame, seen, refused)
         for _ in range(REFITS):
             foreground = self._foreground(frame, seen, layers)
             if not foreground.any():
@@ -102,7 +108,7 @@ class ChangeFinder:
                 seen = self._evidence(frame)
             if self._config.layers.enabled:
                 with clock.step('layers again'):
-                    layers = self._layers(frame, seen, layers)
+                    layers = self._layers(frame, seen, refused, layers)
                     frame.put_in_front(layers)
                     seen = self._evidence(frame)
             if moved_px(before.path, frame.path) < STILL:
@@ -110,17 +116,19 @@ class ChangeFinder:
         doubtful = _doubtful_rows(seen.mask * frame.judged)
         if self._config.layers.enabled:
             with clock.step('layers again'):
-                seen = self._last_look(frame, seen, layers)
+                seen = self._last_look(frame, seen, refused, layers)
         return Finding(frame, seen, tuple(layers), doubtful)
 
-    def _last_look(self, frame: RegisteredFrame, seen: Seen, layers: list[Layer]) -> Seen:
+    def _last_look(
+        self, frame: RegisteredFrame, seen: Seen, refused: Refused, layers: list[Layer]
+    ) -> Seen:
         """
         Search what stands out once the static objects are in front; `layers` grows by it.
 
         With them gone the frame's noise is less, and what it had hidden has not been asked yet.
         """
         for _ in range(LAST_LOOKS):
-            more = self._layers(frame, seen, layers) if seen.mask.any() else []
+            more = self._layers(frame, seen, refused, layers) if seen.mask.any() else []
             if not more:
                 break
             layers += more
@@ -137,29 +145,32 @@ class ChangeFinder:
         return mask
 
     def _evidence(self, frame: RegisteredFrame) -> Seen:
-        noise = NoiseTable.learn(frame.predicted, frame.residual, frame.judged)
+        texture = Texture.of(frame.predicted)
+        noise = NoiseTable.learn(texture, frame.residual, frame.judged)
         place = np.nan_to_num(frame.row_uncertainty, nan=0.0).astype(np.float32)
-        frame.judged &= (place < LOST)[:, None]
-        z = frame.residual / (noise(frame.predicted, place) * frame.misfit)
-        frame.judged &= ~misfitting_rows(z, frame.judged)[:, None]
-        z = np.where(frame.judged, z, np.float32(0.0))
-        strength = evidence(z)
-        sharp = evidence(z, OUTLINE_WINDOW)
-        return Seen(noise, strength, candidates(strength, self._config.change), sharp)
+        frame.judged[place >= LOST] = False
+        z2 = noise.surprise(texture, frame.residual, frame.judged, frame.misfit, place)
+        strength = box_rms(z2)
+        return Seen(noise, strength, candidates(strength, self._config.change), z2)
 
     def _layers(
-        self, frame: RegisteredFrame, seen: Seen, known: Sequence[Layer] = ()
+        self,
+        frame: RegisteredFrame,
+        seen: Seen,
+        refused: Refused,
+        known: Sequence[Layer] = (),
     ) -> list[Layer]:
-        """Find the static objects among the candidates."""
+        """Find the static objects among the candidates; `refused` learns which are none."""
         config = self._config
         search = DepthSearch(
             frame.grey,
             seen.noise,
             frame.render,
-            frame.sketch,
+            frame.energy(seen.noise),
             frame.path,
             config.layers,
             config.change,
+            refused,
         )
         layers = [layer for blob in blobs(seen.mask) if (layer := search.explain(blob, known))]
         rest = seen.mask.copy()

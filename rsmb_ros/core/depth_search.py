@@ -7,24 +7,23 @@ depth; where one depth explains a large part of it, that part was in the referen
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 
 from .config import ChangeConfig, LayersConfig
-from .evidence import evidence
+from .depth_energy import BestDepth, DepthEnergy, Render
+from .evidence import NoiseTable, Texture, evidence
 from .layers import NO_SHIFT, Layer, Place, padded
 from .motion import CameraPath
 from .render import Window
 from .segmentation import Blob, hysteresis
 
 COARSE_STEP = 0.05
-FINE_STEPS = (0.025, 0.0125, 0.006, 0.003, 0.0015)
 PAD = 6  # px around an object that is rendered with it
 UNSEEN_Z = 9.0  # normalised residual of a pixel that a depth cannot show
-MAX_Z2 = 16.0  # truncation of the energy that depths are compared by
 EXPLAINED = 2.2  # evidence below which a pixel is explained [sigma]
 MIN_PARALLAX = 0.4  # px; less than that and a depth must explain an object well
 MIN_SHARE = 0.13  # of the object that must be explained
@@ -34,12 +33,34 @@ SURE_SHARE = 0.5  # ... unless this share is explained
 ALIKE = 0.9  # correlation of an object that may fit less well than its surroundings ...
 MAX_MISFIT = 2.5  # ... by so much
 MAX_ENERGY_RATIO = 0.85  # of the energy at the background's depth
+UNLIKE = 0.3  # correlation below which no small shift makes an object alike
+SMOOTHING = 5  # px, of what shifts are found by
 MAX_SHIFT = 0.5  # of an object's parallax: tilt and translation are not told apart better
 MAX_OFF = 2.5  # px, that a static object may lie from where the background puts it
+CLEAR_RATIO = 0.7  # an object that fits less well is not asked again
+SAME = 0.9  # overlap of an object with what it was at an earlier look
+STILL = 0.25  # px that the path may have moved since then
 SHIFT_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-3)
 
-# (depth, window, shift) -> predicted display values, where they hold
-Render = Callable[[float, Window, tuple[float, float]], tuple[np.ndarray, np.ndarray]]
+
+class Refused:
+    """Objects that no depth explained, for later looks at the same frame."""
+
+    def __init__(self) -> None:
+        self._known: list[tuple[Blob, np.ndarray]] = []
+
+    def add(self, blob: Blob, path: CameraPath) -> None:
+        """Remember an object that nothing explained on this path."""
+        self._known.append((blob, _course(blob, path)))
+
+    def __contains__(self, asked: tuple[Blob, CameraPath]) -> bool:
+        """Whether as good as the same object was refused on as good as the same path."""
+        blob, path = asked
+        same = [course for known, course in self._known if _overlap(known, blob) > SAME]
+        if not same:
+            return False
+        own = _course(blob, path)
+        return any(np.hypot(*(own - course).T).max() < STILL for course in same)
 
 
 @dataclass(frozen=True)
@@ -47,12 +68,13 @@ class DepthSearch:
     """Judges objects of one frame against the reference at other depths."""
 
     live: np.ndarray  # (M, N) float32 display values
-    sigma: Callable[[np.ndarray], np.ndarray]  # predicted image -> noise [grey levels]
-    render: Render
-    sketch: Render  # the same in grey: quick, and good enough to compare depths by
+    noise: NoiseTable
+    render: Render  # (depth, window, shift) -> predicted display values, where they hold
+    energy: DepthEnergy
     path: CameraPath
     config: LayersConfig
     change: ChangeConfig
+    refused: Refused = field(default_factory=Refused)
 
     def explain(self, blob: Blob, known: Sequence[Layer] = ()) -> Layer | None:
         """
@@ -63,37 +85,47 @@ class DepthSearch:
         """
         window, mask = self._windowed(blob)
         near = [
-            layer for layer in known if _touch(window, padded(layer.blob, self.live.shape, PAD))
+            layer.place.relative_depth
+            for layer in known
+            if _touch(window, padded(layer.blob, self.live.shape, PAD))
         ]
+        reach = float(np.hypot(*self._displacement(blob)))
+        beside = None
         if near:
-            depths = np.array([layer.place.relative_depth for layer in near])
-            beside = self._explained_at(depths, blob, window, mask)
+            best = self.energy.best(window, mask, np.array(near), reach)
+            beside = self._explained(best, reach, window, mask)
             if beside is not None and _fits(beside.place):
                 return beside
-        else:
-            beside = None
+        if (blob, self.path) in self.refused:
+            return beside
         depths = np.arange(self.config.depth_min, self.config.depth_max + 1e-9, COARSE_STEP)
-        layer = self._explained_at(depths, blob, window, mask)
+        best = self.energy.best(window, mask, depths, reach)
+        layer = self._explained(best, reach, window, mask)
+        if layer is None and best.energy > CLEAR_RATIO * best.background:
+            self.refused.add(blob, self.path)
         # a depth of its own goes before a neighbour's that fits with some help only
         return beside if layer is None or (beside and not _fits(layer.place)) else layer
 
-    def _explained_at(
-        self, depths: np.ndarray, blob: Blob, window: Window, mask: np.ndarray
+    def _explained(
+        self, best: BestDepth, reach: float, window: Window, mask: np.ndarray
     ) -> Layer | None:
-        """Return the layer that explains `blob` near one of these depths."""
-        depth, energy = self._best_depth(window, mask, depths)
-        parallax = self._parallax(blob, depth)
-        layer, share = self._judged(depth, NO_SHIFT, window, mask)
-        if energy >= MAX_ENERGY_RATIO * self._energy(1.0, window, mask):
-            layer = None
-        elif share > SURE_SHARE:
-            return layer
+        """Return the layer that explains an object at its best depth, or not far from there."""
+        depth = best.depth
+        parallax = reach * abs(1.0 / depth - 1.0)
+        layer, share = None, 0.0
+        if best.energy < MAX_ENERGY_RATIO * best.background:
+            layer, share = self._judged(depth, NO_SHIFT, window, mask)
+            if share > SURE_SHARE:
+                return layer
         if parallax < MIN_PARALLAX:
             layer = None
         if layer is None:
             share = 0.0  # what may not be taken must not outdo a shift
         # tilt and translation look alike on the ground alone: then t / d points elsewhere
-        for start, limit in ((depth, 1.0 + MAX_SHIFT * parallax), (1.0, MAX_OFF)):
+        starts = [(depth, 1.0 + MAX_SHIFT * parallax), (1.0, MAX_OFF)]
+        if parallax < MIN_PARALLAX:
+            del starts[0]  # the same as the other
+        for start, limit in starts:
             shift = self._shift(start, window, mask, limit)
             if shift is not None:
                 other, more = self._judged(start, shift, window, mask)
@@ -109,7 +141,7 @@ class DepthSearch:
         alike = _correlation(predicted[mask], self.live[window.box][mask])
         misfit = _misfit(z[mask]) if alike > ALIKE else 1.0
         z /= np.float32(misfit)
-        explained = self._explained(z, mask)
+        explained = _explained(z, mask)
         share = float(explained[mask].mean())
         enough = share > MIN_SHARE and _largest(explained) >= MIN_CORE * self.live.size
         if not enough or (share <= SURE_SHARE and alike <= MIN_CORRELATION):
@@ -124,12 +156,15 @@ class DepthSearch:
 
         None where that does not converge, or beyond `limit` px.
         """
-        predicted, _ = self.render(depth, window, NO_SHIFT)
+        predicted, live = self.render(depth, window, NO_SHIFT)[0], self.live[window.box]
+        smooth = [cv2.GaussianBlur(image, (SMOOTHING,) * 2, 0)[mask] for image in (predicted, live)]
+        if _correlation(*smooth) < UNLIKE:
+            return None
         warp = np.eye(2, 3, dtype=np.float32)
         try:
             match, warp = cv2.findTransformECC(
-                self.live[window.box], predicted, warp, cv2.MOTION_TRANSLATION, SHIFT_STOP,
-                mask.astype(np.uint8), 5,
+                live, predicted, warp, cv2.MOTION_TRANSLATION, SHIFT_STOP, mask.astype(np.uint8),
+                SMOOTHING,
             )  # fmt: skip
         except cv2.error:  # it does not converge where nothing matches
             return None
@@ -138,12 +173,12 @@ class DepthSearch:
 
     def belongs(self, blob: Blob, layer: Layer) -> Layer | None:
         """Return `blob` as a piece of a layer found next to it, None when it is none."""
-        window, mask = self._windowed(blob)
-        if not _touch(window, padded(layer.blob, self.live.shape, PAD)):
+        if not _touch(*(padded(one, self.live.shape, PAD) for one in (blob, layer.blob))):
             return None
+        window, mask = self._windowed(blob)
         z, _ = self._normalised(layer.place.relative_depth, window, layer.place.shift)
         z /= np.float32(layer.place.misfit)
-        share = float(self._explained(z, mask)[mask].mean())
+        share = float(_explained(z, mask)[mask].mean())
         if share <= SURE_SHARE:
             return None
         return self._layer(z, mask, window, layer.place, share)
@@ -156,11 +191,6 @@ class DepthSearch:
         mask[top : top + blob.mask.shape[0], left : left + blob.mask.shape[1]] = blob.mask
         return window, mask
 
-    @staticmethod
-    def _explained(z: np.ndarray, mask: np.ndarray) -> np.ndarray:
-        explained = ((evidence(z) < EXPLAINED) & mask).astype(np.uint8)
-        return cv2.morphologyEx(explained, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
-
     def _layer(
         self, z: np.ndarray, mask: np.ndarray, window: Window, place: Place, share: float
     ) -> Layer:
@@ -171,7 +201,8 @@ class DepthSearch:
         # the object shows in the residual twice: where it is, and where it is expected without
         # parallax. What has no counterpart there is ground that it uncovers, or may be
         blob = Blob(mask, window.left, window.top)
-        x, y = self._displacement(blob, place.relative_depth)
+        far = 1.0 / place.relative_depth - 1.0
+        x, y = (far * part for part in self._displacement(blob))
         counterpart = cv2.warpAffine(
             mask.astype(np.float32),
             np.array([[1.0, 0.0, x], [0.0, 1.0, y]]),
@@ -181,25 +212,6 @@ class DepthSearch:
         sure = own & (counterpart > 0.5)
         return Layer(Blob(own, window.left, window.top), sure, place, share)
 
-    def _best_depth(
-        self, window: Window, mask: np.ndarray, depths: np.ndarray
-    ) -> tuple[float, float]:
-        """Coarse-to-fine minimum of the truncated energy over the relative depth."""
-        energies = [self._energy(depth, window, mask) for depth in depths]
-        best = int(np.argmin(energies))
-        depth, energy = float(depths[best]), energies[best]
-        for step in FINE_STEPS:
-            for candidate in (depth - step, depth + step):
-                value = self._energy(candidate, window, mask)
-                if value < energy:
-                    depth, energy = candidate, value
-        return depth, energy
-
-    def _energy(self, depth: float, window: Window, mask: np.ndarray) -> float:
-        predicted, complete = self.sketch(depth, window, NO_SHIFT)
-        z = self._misfit_of(predicted, complete, window)
-        return float(np.minimum(z[mask] ** 2, MAX_Z2).mean())
-
     def _normalised(
         self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -208,29 +220,47 @@ class DepthSearch:
 
     def _misfit_of(self, predicted: np.ndarray, complete: np.ndarray, window: Window) -> np.ndarray:
         """Return the normalised residual of a window's prediction."""
-        z = (self.live[window.box] - predicted) / self.sigma(predicted)
+        z = (self.live[window.box] - predicted) / self.noise(Texture.of(predicted))
         z[~complete] = UNSEEN_Z
         return z
 
-    def _parallax(self, blob: Blob, depth: float) -> float:
-        """Pixels that `depth` moves the object's middle row against the background."""
-        return float(np.hypot(*self._displacement(blob, depth)))
-
-    def _displacement(self, blob: Blob, depth: float) -> tuple[float, float]:
-        """From where an object is to where it were at the background's depth: x, y [px]."""
+    def _displacement(self, blob: Blob) -> tuple[float, float]:
+        """How far 1 in 1/d moves the middle of an object: x, y [px]."""
         height, width = blob.mask.shape
-        times = self.path.row_times[[blob.y + height // 2]]
-        shift = self.path.coordinates(times)[0, :2]
+        q = self.path.coordinates(self.path.row_times[[blob.y + height // 2]])[0]
         x = blob.x + width / 2 - self.path.grid.center[0]
         y = blob.y + height / 2 - self.path.grid.center[1]
-        zoom = self.path.coordinates(times)[0, 3] / self.path.grid.half_width
-        far = 1.0 / depth - 1.0
-        return float(far * (shift[0] + zoom * x)), float(far * (shift[1] + zoom * y))
+        zoom = q[3] / self.path.grid.half_width
+        return float(q[0] + zoom * x), float(q[1] + zoom * y)
+
+
+def _explained(z: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Where a place explains an object, uint8 0/1."""
+    explained = ((evidence(z) < EXPLAINED) & mask).astype(np.uint8)
+    return cv2.morphologyEx(explained, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
 
 
 def _fits(place: Place) -> bool:
     """Whether an object lies where its depth puts it, not just near there."""
     return place.shift == NO_SHIFT and place.misfit < MAX_MISFIT
+
+
+def _course(blob: Blob, path: CameraPath) -> np.ndarray:
+    """Where the path has a blob's first, middle and last row (3, 2) [px]."""
+    rows = blob.y + np.linspace(0, blob.mask.shape[0] - 1, 3).astype(np.int64)
+    return path.coordinates(path.row_times[rows])[:, :2]
+
+
+def _overlap(a: Blob, b: Blob) -> float:
+    """Shared area of two blobs over that of both together, 0..1."""
+    top, left = max(a.y, b.y), max(a.x, b.x)
+    bottom = min(a.y + a.mask.shape[0], b.y + b.mask.shape[0])
+    right = min(a.x + a.mask.shape[1], b.x + b.mask.shape[1])
+    if bottom <= top or right <= left:
+        return 0.0
+    parts = (one.mask[top - one.y : bottom - one.y, left - one.x : right - one.x] for one in (a, b))
+    shared = int(np.count_nonzero(np.logical_and(*parts)))
+    return shared / (a.area + b.area - shared)
 
 
 def _touch(a: Window, b: Window) -> bool:
@@ -249,6 +279,8 @@ def _misfit(z: np.ndarray) -> float:
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    if a.std() < 1e-3 or b.std() < 1e-3:
+    a, b = a - a.mean(), b - b.mean()
+    spread = float(np.dot(a, a)), float(np.dot(b, b))
+    if min(spread) < 1e-6 * a.size:
         return 0.0
-    return float(np.corrcoef(a, b)[0, 1])
+    return float(np.dot(a, b)) / (spread[0] * spread[1]) ** 0.5

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+
+from ._kernels import evidence as kernels
 
 INTENSITY_BINS = 8
 TEXTURE_BINS = 10
@@ -13,18 +17,11 @@ FULL_TRUST = 1000  # pixels; a bin with fewer leans on its neighbours
 MIN_SIGMA = 1.0  # grey levels
 ENOUGH = np.s_[::2, ::2]  # pixels the noise is learned from: neighbours say much the same
 RESIDUAL_STEP = 0.25  # grey levels, histogram resolution of absolute residuals
-TEXTURE_STEP = 0.125  # grey levels / px, table resolution
-TEXTURE_WINDOW = 5  # px
 EVIDENCE_WINDOW = 7  # px
 MISPLACED = 0.12  # px, by which an edge may be off although its surroundings fit
 OUTLINE_WINDOW = 3  # px; where the outline of what is known to be an object is looked for
 PLACE_SHARE = np.float32(2.0)  # standard deviations that a row may lie off: all of it does at once
 MAX_Z2 = 100.0  # one wild pixel must not decide for its neighbourhood
-
-
-def texture(image: np.ndarray) -> np.ndarray:
-    """Local rms gradient of an image (M, N) float32 [grey levels / px]."""
-    return _texture(gradient_energy(image))
 
 
 def gradient_energy(image: np.ndarray) -> np.ndarray:
@@ -34,9 +31,18 @@ def gradient_energy(image: np.ndarray) -> np.ndarray:
     return g_x * g_x + g_y * g_y
 
 
-def _texture(energy: np.ndarray) -> np.ndarray:
-    # the running sums of a box filter may end a rounding below 0
-    return np.sqrt(np.maximum(cv2.blur(energy, (TEXTURE_WINDOW, TEXTURE_WINDOW)), 0.0))
+class Texture(NamedTuple):
+    """What of an image decides the noise that it lets expect."""
+
+    energy: np.ndarray  # (M, N) float32 squared gradient [(grey levels / px)^2]
+    code: np.ndarray  # (M, N) uint16 grey level times 256, and rms gradient over 5 x 5 px in steps
+
+    @classmethod
+    def of(cls, image: np.ndarray) -> Texture:
+        """Describe an image (M, N) float32 [grey levels]."""
+        energy, code = np.empty(image.shape, np.float32), np.empty(image.shape, np.uint16)
+        kernels.describe_rows(0, len(image), np.ascontiguousarray(image), energy, code)
+        return cls(energy, code)
 
 
 @dataclass(frozen=True)
@@ -51,22 +57,26 @@ class NoiseTable:
 
     sigma: np.ndarray  # (INTENSITY_BINS, TEXTURE_BINS) float32 [grey levels]
     intensity_bin: np.ndarray  # (256,) float32 place in the table of each intensity
-    texture_bin: np.ndarray  # place in the table of each multiple of TEXTURE_STEP
+    texture_bin: np.ndarray  # place in the table of each step of texture
 
     @classmethod
-    def learn(cls, predicted: np.ndarray, residual: np.ndarray, valid: np.ndarray) -> NoiseTable:
-        """Learn from a predicted image (M, N), its residual [grey levels] and where it holds."""
-        levels, steps = _quantised(predicted[ENOUGH], texture(predicted)[ENOUGH])
-        chosen = valid[ENOUGH].ravel()
-        levels, steps = levels.ravel()[chosen], steps.ravel()[chosen]
-        intensity_bin = _equal_share_bins(levels, 256, INTENSITY_BINS)
-        texture_bin = _equal_share_bins(steps, 256, TEXTURE_BINS)
-        bins = np.rint(intensity_bin).astype(np.int64)[levels] * TEXTURE_BINS
-        bins += np.rint(texture_bin).astype(np.int64)[steps]
-        heights = np.abs(residual[ENOUGH]).ravel()[chosen] / RESIDUAL_STEP
-        heights = np.minimum(heights, 255.0).astype(np.int64)
-        count = INTENSITY_BINS * TEXTURE_BINS
-        histogram = np.bincount(bins * 256 + heights, minlength=count * 256).reshape(count, 256)
+    def learn(cls, texture: Texture, residual: np.ndarray, valid: np.ndarray) -> NoiseTable:
+        """Learn from a predicted image, its residual (M, N) [grey levels] and where it holds."""
+        counts = np.zeros(256 * 256, np.int64)
+        kernels.count_codes(texture.code, valid, counts)
+        counts = counts.reshape(256, 256)
+        intensity_bin = _equal_share_bins(counts.sum(axis=1), INTENSITY_BINS)
+        texture_bin = _equal_share_bins(counts.sum(axis=0), TEXTURE_BINS)
+        histogram = np.zeros((INTENSITY_BINS * TEXTURE_BINS, 256), np.int64)
+        kernels.count_residuals(
+            texture.code,
+            residual,
+            valid,
+            np.rint(intensity_bin).astype(np.int64) * TEXTURE_BINS,
+            np.rint(texture_bin).astype(np.int64),
+            1.0 / RESIDUAL_STEP,
+            histogram,
+        )
         sigma = 1.4826 * RESIDUAL_STEP * _medians(histogram)
         shape = (INTENSITY_BINS, TEXTURE_BINS)
         # neighbouring bins smooth each other, by what each of them knows
@@ -76,41 +86,65 @@ class NoiseTable:
         table = np.maximum(table, MIN_SIGMA).astype(np.float32)
         return cls(table, intensity_bin, texture_bin)
 
-    def __call__(self, predicted: np.ndarray, place: np.ndarray | None = None) -> np.ndarray:
+    @cached_property
+    def variances(self) -> np.ndarray:
+        """Variance at each code of a `Texture` (65536,) float32, interpolated in the table."""
+        out = np.empty(256 * 256, np.float32)
+        kernels.fill_variances(self.sigma, self.intensity_bin, self.texture_bin, out)
+        return out
+
+    def __call__(self, texture: Texture, place: np.ndarray | None = None) -> np.ndarray:
         """
         Standard deviation expected at each pixel of a predicted image (M, N) [grey levels].
 
         `place` (M,) is the standard deviation of each row's place [px].
         """
-        energy = gradient_energy(predicted)
-        levels, steps = _quantised(predicted, _texture(energy))
-        sigma = cv2.remap(
-            self.sigma,
-            self.texture_bin[steps],
-            self.intensity_bin[levels],
-            cv2.INTER_LINEAR,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
-        misplaced = np.float32(MISPLACED**2)
-        if place is not None:
-            misplaced = misplaced + ((PLACE_SHARE * place) ** 2)[:, None]
-        return np.sqrt(sigma * sigma + misplaced * energy)
+        misplaced = _misplaced(texture, place)[:, None]
+        return np.sqrt(self.variances[texture.code] + misplaced * texture.energy)
+
+    def surprise(
+        self,
+        texture: Texture,
+        residual: np.ndarray,
+        judged: np.ndarray,
+        misfit: np.ndarray,
+        place: np.ndarray,
+    ) -> np.ndarray:
+        """
+        Square the residual of a predicted image over its noise, (M, N) float32, at most MAX_Z2.
+
+        0 where it is not judged. `misfit` (M, N) says how much larger residuals are there than
+        noise, for `place` see above.
+        """
+        out = np.empty(residual.shape, np.float32)
+        kernels.surprise_rows(
+            0, len(residual), residual, misfit, judged, texture.code, texture.energy,
+            self.variances, _misplaced(texture, place), MAX_Z2, out,
+        )  # fmt: skip
+        return out
 
 
 def evidence(z: np.ndarray, size: int = EVIDENCE_WINDOW) -> np.ndarray:
     """Root mean square of normalised residuals (M, N) over a small window, float32."""
-    window = (size, size)
-    return np.sqrt(np.maximum(cv2.blur(np.minimum(z * z, np.float32(MAX_Z2)), window), 0.0))
+    return box_rms(np.minimum(z * z, np.float32(MAX_Z2)), size)
 
 
-def _quantised(predicted: np.ndarray, strength: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    levels = np.clip(predicted, 0.0, 255.0).astype(np.uint8)
-    return levels, np.minimum(strength / TEXTURE_STEP, 255.0).astype(np.uint8)
+def box_rms(squares: np.ndarray, size: int = EVIDENCE_WINDOW) -> np.ndarray:
+    """Root of the mean of an image (M, N) float32 over size x size pixels, size odd."""
+    out = np.empty(squares.shape, np.float32)
+    kernels.box_rms_rows(0, len(squares), np.ascontiguousarray(squares), size // 2, out)
+    return out
 
 
-def _equal_share_bins(values: np.ndarray, size: int, bins: int) -> np.ndarray:
-    """Place 0..bins-1 of each value 0..size-1 so that every bin gets an equal share of `values`."""
-    share = np.cumsum(np.bincount(values, minlength=size)) / max(1, values.size)
+def _misplaced(texture: Texture, place: np.ndarray | None) -> np.ndarray:
+    """Variance of the place of each row's edges (M,) float32 [px^2]."""
+    still = np.full(len(texture.energy), MISPLACED**2, np.float32)
+    return still if place is None else still + (PLACE_SHARE * place.astype(np.float32)) ** 2
+
+
+def _equal_share_bins(counts: np.ndarray, bins: int) -> np.ndarray:
+    """Place 0..bins-1 of each counted value so that every bin gets an equal share of them."""
+    share = np.cumsum(counts) / max(1, counts.sum())
     return np.clip(share * bins - 0.5, 0.0, bins - 1.0).astype(np.float32)
 
 

@@ -10,6 +10,8 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from .depth_energy import DepthEnergy, PathEnergy, RenderedEnergy, Sight
+from .evidence import NoiseTable
 from .layers import NO_SHIFT, Front, Fronts, Layer, within
 from .motion import CameraPath, shifted
 from .path_fit import PathFit, row_uncertainty
@@ -100,11 +102,9 @@ class RegisteredFrame(ABC):
         """Display values of the whole live frame as the reference knows it, and where they hold."""
         return self.render(1.0, Window(0, self.grey.shape[0], 0, self.grey.shape[1]))
 
-    def sketch(
-        self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return what `render` does, perhaps less exactly, in the least time."""
-        return self.render(depth, window, shift)
+    def energy(self, noise: NoiseTable) -> DepthEnergy:
+        """Return what compares depths at which objects of this frame may lie."""
+        return RenderedEnergy(self.grey, noise, self.render)
 
     @abstractmethod
     def registered(self) -> np.ndarray:
@@ -207,7 +207,7 @@ class PathFrame(RegisteredFrame):
         """Centroid pose tau_c of each row (M, 6)."""
         return self.path.row_motion()
 
-    @property
+    @cached_property
     def row_uncertainty(self) -> np.ndarray:
         """Standard deviation of each row's place (M,) [px], from the Hessian."""
         return row_uncertainty(self.fit)
@@ -253,18 +253,16 @@ class PathFrame(RegisteredFrame):
         own = self._shown(self._fine_colours, depth, window, shift)
         return own.grey, own.complete
 
-    def sketch(
-        self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return what `render` does, blurred in grey."""
-        own = self._shown(self._fine, depth, window, shift)
-        return own.grey, own.complete
-
     def predict(self) -> tuple[np.ndarray, np.ndarray]:
         """Display values of the whole live frame as the reference knows it, and where they hold."""
         own = self._shown(self._fine_colours, 1.0, whole(self.path), NO_SHIFT)
         self._ground = own.colours
         return own.grey, own.complete
+
+    def energy(self, noise: NoiseTable) -> DepthEnergy:
+        """Return what compares depths at which objects of this frame may lie, in grey."""
+        sight = Sight(self._fine, self.path, self.fit.light, self._reference.gamma)
+        return PathEnergy(self.grey, noise, sight)
 
     def _shown(
         self, fine: np.ndarray, depth: float, window: Window, shift: tuple[float, float]

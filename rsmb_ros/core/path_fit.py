@@ -40,7 +40,7 @@ def row_uncertainty(fit: PathFit) -> np.ndarray:
     basis = path.spline_basis(path.row_times)
     variance = np.zeros(len(basis))
     for e in (0, 1):
-        place = np.zeros((len(fit.information), len(basis)))
-        place[e : knots * dof : dof] = basis.T
-        variance += np.einsum('kt,kt->t', place, cho_solve(factor, place))
+        own = np.arange(e, knots * dof, dof)
+        covariance = cho_solve(factor, np.eye(len(fit.information))[:, own])[own]
+        variance += np.einsum('tk,tk->t', basis @ covariance, basis)
     return np.sqrt(variance)

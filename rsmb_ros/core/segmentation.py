@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ._kernels.regions import grow_regions
 from .config import ChangeConfig
 
 BASE_PIXELS = 640 * 480  # sizes below are px at this frame size
@@ -45,15 +46,17 @@ def candidates(evidence: np.ndarray, config: ChangeConfig) -> np.ndarray:
     and filled.
     """
     scale = np.sqrt(evidence.size / BASE_PIXELS)
-    mask = hysteresis(evidence, config)
     size = 2 * max(1, round(CLOSE_RADIUS * scale)) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    # a frame of background, else closing glues regions to the image's border
-    pad = size
-    mask = cv2.copyMakeBorder(mask, pad, pad, pad, pad, cv2.BORDER_CONSTANT, value=0)
-    mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, disc)[pad:-pad, pad:-pad]
-    filled = cv2.morphologyEx(_filled(mask), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    return without_small(filled, config)
+    mask, box = _grown(evidence, config)
+    part = mask[box]  # nothing grows beyond it
+    if part.size:
+        # a frame of background, else closing glues regions to the image's border
+        wide = cv2.copyMakeBorder(part, *[size] * 4, cv2.BORDER_CONSTANT, value=0)
+        closed = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, disc)[size:-size, size:-size]
+        opened = cv2.morphologyEx(_filled(closed), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+        mask[box] = _without_small(opened, config.min_area * mask.size)
+    return mask
 
 
 def tightened(mask: np.ndarray, sharp: np.ndarray, config: ChangeConfig) -> np.ndarray:
@@ -90,20 +93,33 @@ def hysteresis(evidence: np.ndarray, config: ChangeConfig) -> np.ndarray:
 
     One pixel is taken off all around: the evidence's window widens everything.
     """
-    weak = cv2.erode((evidence > config.threshold_low).astype(np.uint8), np.ones((3, 3), np.uint8))
-    count, labels = cv2.connectedComponents(weak, connectivity=8)
-    keep = np.zeros(count, np.uint8)
-    keep[np.unique(labels[evidence > config.threshold_high])] = 1
-    keep[0] = 0
-    return keep[labels]
+    return _grown(evidence, config)[0]
+
+
+def _grown(evidence: np.ndarray, config: ChangeConfig) -> tuple[np.ndarray, tuple[slice, slice]]:
+    """Return the regions of `hysteresis`, and a box that holds them and a pixel around them."""
+    mask = np.zeros(evidence.shape, np.uint8)
+    waiting, edges = np.empty(evidence.size, np.int32), np.empty(4, np.int64)
+    low, high = np.float32(config.threshold_low), np.float32(config.threshold_high)
+    grow_regions(np.ascontiguousarray(evidence), low, high, waiting, mask, edges)
+    top, left, bottom, right = (int(edge) for edge in edges)
+    if bottom == 0:
+        return mask, np.s_[:0, :0]
+    return mask, np.s_[max(0, top - 1) : bottom + 1, max(0, left - 1) : right + 1]
 
 
 def without_small(mask: np.ndarray, config: ChangeConfig) -> np.ndarray:
     """Drop connected regions below `min_area` from a mask (M, N) uint8 0/1."""
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    keep = (stats[:, cv2.CC_STAT_AREA] >= config.min_area * mask.size).astype(np.uint8)
-    keep[0] = 0
-    return keep[labels]
+    return _without_small(mask, config.min_area * mask.size)
+
+
+def _without_small(mask: np.ndarray, least: float) -> np.ndarray:
+    """Drop connected regions below `least` pixels."""
+    result = mask.copy()
+    for blob in blobs(mask):
+        if blob.area < least:
+            result[blob.box][blob.mask] = 0
+    return result
 
 
 def without_thin(mask: np.ndarray) -> np.ndarray:
@@ -113,11 +129,15 @@ def without_thin(mask: np.ndarray) -> np.ndarray:
 
 def blobs(mask: np.ndarray) -> list[Blob]:
     """Split a mask (M, N) uint8 0/1 into its connected regions, top to bottom."""
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    left, top, width, height = cv2.boundingRect(mask)
+    if width == 0:
+        return []
+    part = mask[top : top + height, left : left + width]
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(part, connectivity=8)
     found = []
     for n in range(1, count):
         x, y, width, height = (int(value) for value in stats[n, :4])
-        found.append(Blob(labels[y : y + height, x : x + width] == n, x, y))
+        found.append(Blob(labels[y : y + height, x : x + width] == n, left + x, top + y))
     return found
 
 

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from rsmb_ros.core.agreement import agreement, misfitting_rows, sharpness
+from rsmb_ros.core.agreement import agreement, sharpness
 from rsmb_ros.core.config import ChangeConfig
-from rsmb_ros.core.evidence import NoiseTable, evidence
+from rsmb_ros.core.evidence import NoiseTable, Texture, evidence
 from rsmb_ros.core.segmentation import blobs, candidates, without_thin
 
 
@@ -17,8 +17,8 @@ def test_noise_table_learns_sigma_by_intensity():
     predicted = np.tile(np.linspace(20, 220, 320, dtype=np.float32), (240, 1))
     sigma = np.where(predicted < 120, 6.0, 2.0)
     residual = (rng.normal(0, 1, predicted.shape) * sigma).astype(np.float32)
-    table = NoiseTable.learn(predicted, residual, np.ones(predicted.shape, bool))
-    found = table(predicted)
+    table = NoiseTable.learn(Texture.of(predicted), residual, np.ones(predicted.shape, bool))
+    found = table(Texture.of(predicted))
     assert abs(np.median(found[:, 20:120]) - 6.0) < 1.0  # bins are smoothed
     assert abs(np.median(found[:, 200:300]) - 2.0) < 0.5
 
@@ -28,8 +28,8 @@ def test_noise_table_is_not_fooled_by_a_large_change():
     predicted = np.tile(np.linspace(40, 200, 320, dtype=np.float32), (240, 1))
     residual = rng.normal(0, 2.0, predicted.shape).astype(np.float32)
     residual[:72] += 80.0  # 30 % of the frame
-    table = NoiseTable.learn(predicted, residual, np.ones(predicted.shape, bool))
-    assert np.median(table(predicted)) < 4.0
+    table = NoiseTable.learn(Texture.of(predicted), residual, np.ones(predicted.shape, bool))
+    assert np.median(table(Texture.of(predicted))) < 4.0
 
 
 def test_evidence_of_pure_noise_is_one_sigma():
@@ -77,17 +77,6 @@ def test_agreement_counts_blocks_not_pixels(texture_of):
     assert abs(agreement(image, half, whole) - 0.5) < 0.12
     assert agreement(image, other, whole) < 0.15
     assert agreement(np.full_like(image, 9), np.full_like(image, 9), whole) is None
-
-
-def test_rows_in_the_wrong_place_are_told_from_rows_with_a_large_change():
-    z = np.random.default_rng(6).normal(0, 1, (240, 320)).astype(np.float32)
-    judged = np.ones(z.shape, bool)
-    z[:20] *= 8.0  # misregistered: everything misfits
-    z[100:140, 50:180] += 30.0  # an object over 40 % of the width
-    judged[:, 300:] = False
-    bad = misfitting_rows(z, judged)
-    assert bad[:15].all()
-    assert not bad[30:].any()
 
 
 def test_a_smeared_prediction_is_told_from_a_right_one(texture_of):

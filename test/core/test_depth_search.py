@@ -85,22 +85,29 @@ def test_all_depths_are_asked_where_a_neighbours_does_not_explain(houses, wrong)
     assert abs(layer.place.relative_depth - 0.86) < 0.02
 
 
+class Recorder:
+    """Compares depths as `energy` does, and notes which it was asked for."""
+
+    def __init__(self, energy):
+        self.energy, self.asked = energy, []
+
+    def best(self, window, mask, depths, reach):
+        self.asked.extend(depths)
+        return self.energy.best(window, mask, depths, reach)
+
+
 def test_a_neighbours_depth_is_taken_before_all_others(houses):
     found = houses[0.86]
     blob = largest(found, found.truth.layers > 0)
     beside = np.ones((20, 20), bool)
     neighbour = Layer(Blob(beside, blob.x - 20, blob.y), beside, Place(0.87), 0.9)
-    asked = []
-
-    def render(depth, window, shift):
-        asked.append(depth)
-        return found.frame.render(depth, window, shift)
-
-    layer = replace(found.search, sketch=render).explain(blob, [neighbour])
+    recorder = Recorder(found.search.energy)
+    search, asked = replace(found.search, energy=recorder), recorder.asked
+    layer = search.explain(blob, [neighbour])
     assert abs(layer.place.relative_depth - 0.86) < 0.02
-    assert min(asked) > 0.8
+    assert asked == [0.87]
     far_off = replace(neighbour, blob=replace(neighbour.blob, x=0, y=0))
-    replace(found.search, sketch=render).explain(blob, [far_off])
+    search.explain(blob, [far_off])
     assert min(asked) < 0.4
 
 
@@ -158,6 +165,35 @@ def new_things(kind, seed):
             image[::6] += 20.0
         texture = np.clip(image, 0, 255).astype(np.uint8)
         yield Sheet(texture, np.ones(shape, np.float32), x, y, name=f'{kind} {x}', kind=NEW)
+
+
+def test_what_nothing_explained_is_not_asked_again(ground, executor):
+    thing = next(new_things('car', 1))
+    found = known_frame(scene(ground, roof(0.88)), executor, [thing])
+    recorder = Recorder(found.search.energy)
+    search = replace(found.search, energy=recorder)
+    blob = largest(found, found.truth.objects == 1)
+    house = largest(found, found.truth.layers > 0)
+
+    def questions(search, blob):
+        before = len(recorder.asked)
+        search.explain(blob)
+        return len(recorder.asked) - before
+
+    at_first = questions(search, blob)
+    assert at_first > 10
+    assert questions(search, blob) == 0
+    grown = replace(blob, mask=np.pad(blob.mask, ((0, 0), (0, 1)), mode='edge'))
+    assert questions(search, grown) == 0, 'as good as the same'
+    half = replace(blob, mask=blob.mask[:, : blob.mask.shape[1] // 2])
+    assert questions(search, half) == at_first, 'another object'
+    for moved, again in ((0.1, 0), (0.6, at_first)):
+        control = search.path.control.copy()
+        control[:, 1] += moved
+        other = replace(search, path=replace(search.path, control=control))
+        assert questions(other, blob) == again, moved
+    # what a depth explains is asked again: its path may have become another
+    assert questions(search, house) == questions(search, house) > 10
 
 
 @pytest.mark.parametrize('seed', [1, 2, 3])

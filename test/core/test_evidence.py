@@ -11,7 +11,7 @@ from known_frame import CAMERA, known_frame
 
 from rsmb_ros.core.change_finder import LOST, ChangeFinder
 from rsmb_ros.core.config import Config
-from rsmb_ros.core.evidence import NoiseTable, evidence
+from rsmb_ros.core.evidence import NoiseTable, Texture, evidence
 from rsmb_ros.core.frame import PathFrame
 from rsmb_ros.core.synthesis import Nuisances, Scene
 
@@ -51,14 +51,14 @@ def test_nothing_stands_out_of_an_unchanged_plane(unchanged):
 def test_an_uncertain_place_widens_sigma_on_edges_only():
     step = np.full((60, 80), 80.0, np.float32)
     step[:, 40:] = 160.0
-    table = NoiseTable.learn(step, np.zeros_like(step), np.ones(step.shape, bool))
+    table = NoiseTable.learn(Texture.of(step), np.zeros_like(step), np.ones(step.shape, bool))
     place = np.zeros(60, np.float32)
     place[30:] = 0.3
-    sigma = table(step, place)
-    np.testing.assert_allclose(sigma[:, :30], table(step)[:, :30], rtol=1e-6)
-    np.testing.assert_array_equal(sigma[:30], table(step)[:30])
+    sigma = table(Texture.of(step), place)
+    np.testing.assert_allclose(sigma[:, :30], table(Texture.of(step))[:, :30], rtol=1e-6)
+    np.testing.assert_array_equal(sigma[:30], table(Texture.of(step))[:30])
     # at the edge the gradient is 40 grey levels / px: 0.3 px are 12, two deviations 24
-    added = np.sqrt(sigma[40, 39] ** 2 - table(step)[40, 39] ** 2)
+    added = np.sqrt(sigma[40, 39] ** 2 - table(Texture.of(step))[40, 39] ** 2)
     assert abs(added - 2 * 0.3 * 40.0) < 0.1
 
 
@@ -69,7 +69,7 @@ def test_edges_in_doubtful_rows_raise_less_evidence(plane, executor):
     residual = frame.grey - off
     place = np.zeros(SHAPE[0], np.float32)
     place[120:] = 0.45
-    strength = evidence(np.where(frame.judged, residual / found.noise(off, place), 0.0))
+    strength = evidence(np.where(frame.judged, residual / found.noise(Texture.of(off), place), 0.0))
     known, doubtful = (
         np.median(strength[rows, 60:260]) for rows in (slice(0, 115), slice(125, 220))
     )
