@@ -25,6 +25,7 @@ from .points import Points, select_points
 from .reference import Reference
 from .sampling import half_pixel, pyramid
 from .stream import StreamMemory
+from .workspace import Workspaces
 
 COARSEST_WIDTH = 160  # px; the pyramid ends there
 COLD_EXPOSURES = (3.0, 12.0, 36.0, 90.0, 200.0)  # rows, tried when nothing is known
@@ -44,6 +45,7 @@ class PathEstimator:
         self._depth = reference.depth
         self._config = config
         self._executor = executor
+        self._workspaces = Workspaces()
         count = level_count(grid)
         self._levels = [Level(reference.fine, reference.softer, 0)]
         smaller = zip(pyramid(reference.linear, count), pyramid(reference.soft, count), strict=True)
@@ -113,7 +115,9 @@ class PathEstimator:
         """Return what fits `points` of level `n`, at the depths that `path` lets them see."""
         if self._depth is not None:
             points = points.on(self._depth, path, n)
-        return LevelFit(self._levels[n], points, self._grid, self._config, self._executor)
+        return LevelFit(
+            self._levels[n], points, self._grid, self._config, self._executor, self._workspaces
+        )
 
     def _start(
         self, matches: StripMatches, exposure: float, knot_rows: float | None = None

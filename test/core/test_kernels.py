@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from rsmb_ros.core._kernels import fit, fit_row, geometry, render, synthesis
+from rsmb_ros.core._kernels.normal import assemble, assemble_gradient
+from rsmb_ros.core.arrow import Arrow
 from rsmb_ros.core.motion import homographies
+from rsmb_ros.core.normal_equations import tone_table
 from rsmb_ros.core.render import blurred, shown_at
 from rsmb_ros.core.sampling import HALF_PIXELS, half_pixel, softened
 
@@ -92,33 +95,45 @@ class _Points:
 
     def linearise(self, light=LIGHT, sigma=50.0, tukey=False, misplaced=0.0, softened=0.0):
         """Normal matrix, gradient, residuals; keeps what `corrected` needs."""
-        size = len(self.path.control) * self.dof + fit_row.EXTRA
-        normal, gradient = np.zeros((size, size)), np.zeros(size)
-        residuals = np.zeros(self.values.shape, np.float32)
+        room = len(self.path.control) * self.dof + fit_row.AHEAD + fit_row.SPARE
+        self.begins = np.zeros(2, np.int64)
+        self.chunks = np.zeros((2, room, room)), np.zeros((2, room))
+        rows, points = self.values.shape
         self.kept = (
-            np.zeros((4, size + fit_row.SPARE, self.values.shape[1]), np.float32),
-            np.zeros((4, 2), np.int64),
-            np.zeros(self.values.shape, np.float32),
+            np.zeros((rows, room, points), np.float32),
+            np.zeros((rows, 2), np.int64),
+            np.zeros((rows, points), np.float32),
+            np.zeros((rows, points), np.float32),
         )
+        residuals = np.zeros(self.values.shape, np.float32)
         data = self.data(light, sigma, misplaced, tukey, softened)
-        fit.linearise(0, 4, *data, normal, gradient, residuals, *self.kept)
-        return normal, gradient, residuals
+        fit.linearise(0, 2, *data, self.begins, *self.chunks, residuals, *self.kept)
+        arrow = Arrow.empty(len(self.path.control) * self.dof, room)
+        assemble(self.begins, self.dof, self.chunks[0], *arrow.parts)
+        return arrow.dense(), self.gradient(), residuals
 
     def corrected(self, light=LIGHT, sigma=50.0, tukey=False, misplaced=0.0, softened=0.0):
         """Gradient and residuals on the Jacobians of the last `linearise`."""
-        gradient = np.zeros(len(self.path.control) * self.dof + fit_row.EXTRA)
         residuals = np.zeros(self.values.shape, np.float32)
         data = self.data(light, sigma, misplaced, tukey, softened)
-        fit.correct(0, 4, *data, gradient, residuals, *self.kept)
-        return gradient, residuals
+        fit.correct(0, 2, *data, self.begins, *self.chunks, residuals, *self.kept)
+        return self.gradient(), residuals
+
+    def gradient(self):
+        """Sum of the chunks', path first."""
+        total = np.zeros(len(self.path.control) * self.dof + fit_row.AHEAD)
+        assemble_gradient(self.begins, self.dof, self.chunks[1], total)
+        return total[: total.size - fit_row.AHEAD + fit_row.EXTRA]
 
     def data(self, light, sigma, misplaced, tukey, softened):
+        places = (self.columns - self.path.grid.center[0]).astype(np.float32)
         return (
-            self.fine.ravel(), self.softer.ravel(), *self.fine.shape, self.rows,
-            self.path.row_times[self.rows], np.full(4, self.count), self.columns,
+            np.array([0, 1, 4]), self.fine.ravel(), self.softer.ravel(), *self.fine.shape,
+            self.rows, self.path.row_times[self.rows], np.full(4, self.count), places,
             self.values, self.inverse_depth, self.path.control, self.path.first_time,
             self.path.knot_rows, self.path.exposure_rows, softened, self.path.grid.focal_px,
-            self.path.grid.center, 1.0, self.dof, light, GAMMA, sigma, misplaced, tukey,
+            self.path.grid.center, 1.0, self.dof, light, tone_table(GAMMA), GAMMA, sigma,
+            misplaced, tukey,
         )  # fmt: skip
 
     def literal_residuals(self, light=LIGHT, softened=0.0):
