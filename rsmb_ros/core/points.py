@@ -36,6 +36,17 @@ class Points:
         """Return the points with those on a mask (M, N) bool of this level switched off."""
         return self.only(~mask[self.rows[:, None], self.columns])
 
+    def every(self, n: int) -> Points:
+        """Return the points of every n-th row."""
+        depth = self.inverse_depth
+        return replace(
+            self,
+            rows=self.rows[::n],
+            columns=self.columns[::n],
+            values=self.values[::n],
+            inverse_depth=None if depth is None else depth[::n],
+        )
+
     def from_center(self, factor: float, grid: Grid) -> np.ndarray:
         """Columns (R, P) float32 from the live centre [px of the full image]."""
         return ((self.columns + 0.5) * factor - 0.5 - grid.center[0]).astype(np.float32)

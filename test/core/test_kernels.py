@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import naive
@@ -87,6 +88,7 @@ class _Points:
         self.columns = np.sort(rng.integers(6, 42, (4, 5)), axis=1)
         self.values = rng.uniform(80, 170, (4, 5)).astype(np.float32)
         self.count = 5
+        self.bounds = np.array([0, 1, 4])
         self.depths = np.ones((4, 5))
         self.inverse_depth = None
         if depths is not None:
@@ -128,7 +130,7 @@ class _Points:
     def data(self, light, sigma, misplaced, tukey, softened):
         places = (self.columns - self.path.grid.center[0]).astype(np.float32)
         return (
-            np.array([0, 1, 4]), self.fine.ravel(), self.softer.ravel(), *self.fine.shape,
+            self.bounds, self.fine.ravel(), self.softer.ravel(), *self.fine.shape,
             self.rows, self.path.row_times[self.rows], np.full(4, self.count), places,
             self.values, self.inverse_depth, self.path.control, self.path.first_time,
             self.path.knot_rows, self.path.exposure_rows, softened, self.path.grid.focal_px,
@@ -148,6 +150,14 @@ class _Points:
             for column, value, depth in zip(columns, values, depths, strict=True)
         ]
         return np.array([1e9 if r is None else r for r in found]).reshape(self.values.shape)
+
+
+def _single(points, r):
+    """Return the points of one row, linearised."""
+    single = copy(points)
+    single.bounds = np.array([r, r + 1, r + 1])
+    single.linearise()
+    return single
 
 
 @pytest.mark.parametrize('depths', [None, (0.5, 0.8)])
@@ -252,6 +262,22 @@ def test_normal_matrix_is_the_square_of_the_jacobian(bent_path, texture_of):
     np.testing.assert_allclose(
         gradient, jacobian.T @ residuals.ravel(), rtol=2e-2, atol=2e-2 * np.abs(gradient).max()
     )
+
+
+@pytest.mark.parametrize('dof', [2, 3, 5, 6])
+def test_rows_of_one_chunk_add_up(bent_path, texture_of, dof):
+    """Sums are made four unknowns at a time: those of one row must not reach into another's."""
+    one, many = _Points(bent_path, texture_of, dof), _Points(bent_path, texture_of, dof)
+    one.bounds, many.bounds = np.array([0, 4, 4]), np.array([0, 2, 4])
+    one.rows[:] = many.rows[:] = [24, 27, 20, 8]  # exposures over 2, 3, ... knots
+    touched = one.linearise()[0], many.linearise()[0]
+    assert len(np.unique(one.kept[1][:, 1])) > 1
+    np.testing.assert_allclose(*touched, rtol=1e-5, atol=1e-5 * np.abs(touched[0]).max())
+    np.testing.assert_allclose(one.gradient(), many.gradient(), rtol=1e-4, atol=1e-2)
+    normal = sum(_single(one, r).linearise()[0] for r in range(4))
+    np.testing.assert_allclose(normal, touched[0], rtol=1e-5, atol=1e-5 * np.abs(normal).max())
+    gradient = sum(_single(one, r).corrected()[0] for r in range(4))
+    np.testing.assert_allclose(gradient, one.corrected()[0], rtol=1e-4, atol=1e-2)
 
 
 def test_tukey_gives_no_weight_beyond_five_sigma(bent_path, texture_of):

@@ -10,6 +10,7 @@ from numba import njit
 from .depth import deepen_columns, parallax
 from .fit_row import (
     AHEAD,
+    SPARE,
     add_gradient,
     add_products,
     add_stretch,
@@ -54,11 +55,11 @@ def linearise(
     half_width = center[0] + 0.5
     most = jacobians.shape[1]
     weighted = np.zeros((most, points), np.float32)
-    knot_x = np.empty((most // dof + 1, points), np.float32)
-    knot_y = np.empty((most // dof + 1, points), np.float32)
+    knot_g = np.empty((most // dof + 1, 2 * points), np.float32)  # gradients x, then y
     value = np.empty(points, np.float32)
-    g_x = np.empty(points, np.float32)
-    g_y = np.empty(points, np.float32)
+    g = np.empty(2 * points, np.float32)
+    g_x = g[:points]
+    g_y = g[points:]
     at = np.empty(points, np.uint32)
     f_u = np.empty(points, np.float32)
     f_v = np.empty(points, np.float32)
@@ -102,8 +103,7 @@ def linearise(
             mean[:] = 0.0
             mean_soft[:] = 0.0
             stretch[:] = 0.0
-            knot_x[:touched] = 0.0
-            knot_y[:touched] = 0.0
+            knot_g[:touched] = 0.0
             for p in range(points):
                 inside[p] = 1.0 if values[r, p] >= 0.0 else 0.0
             y = (rows[r] + 0.5) * level - 0.5 - center[1]
@@ -143,11 +143,9 @@ def linearise(
                     mean[p] += value[p] * share
                 for n in range(4):
                     part = np.float32(b[n]) * share * scale
-                    to_x = knot_x[j + n - knot0]
-                    to_y = knot_y[j + n - knot0]
-                    for p in range(points):
-                        to_x[p] += part * g_x[p]
-                        to_y[p] += part * g_y[p]
+                    to = knot_g[j + n - knot0]
+                    for p in range(2 * points):
+                        to[p] += part * g[p]
                 pace = offset / count * 2.0 / level
                 if inverse_depth is None:
                     add_stretch(speed, pace, u, v, row_v, g_x, g_y, stretch)
@@ -167,33 +165,35 @@ def linearise(
                 x, values[r], mean, y_n, half_width, light, tones, gamma, gain, slope, residuals[r]
             )
             # spline weights sum to 1: the knots' parts add up to the gradient of the row
-            g_x[:] = 0.0
-            g_y[:] = 0.0
+            g[:] = 0.0
             for n in range(touched):
-                for p in range(points):
-                    g_x[p] += knot_x[n, p]
-                    g_y[p] += knot_y[n, p]
+                for p in range(2 * points):
+                    g[p] += knot_g[n, p]
             for p in range(points):
                 bright = gain[p] * slope[p]
                 edges[r, p] = (g_x[p] * g_x[p] + g_y[p] * g_y[p]) * (bright * bright)
             weigh_row(residuals[r], edges[r], inside, sigma, misplaced, tukey, weight)
             light_rows(x, mean, mean_soft, stretch, y_n, half_width, gain, slope, jacobian)
+            for p in range(points):
+                slope[p] *= gain[p]
             for n in range(touched):
                 for p in range(points):
-                    g_x[p] = knot_x[n, p] * (gain[p] * slope[p])
-                    g_y[p] = knot_y[n, p] * (gain[p] * slope[p])
-                move_columns(g_x, g_y, u, v, column)
+                    g_x[p] = knot_g[n, p] * slope[p]
+                    g_y[p] = knot_g[n, points + p] * slope[p]
+                # all six, of which those beyond `dof` are overwritten by the next knot's
+                to_jacobian = jacobian[AHEAD + n * dof : AHEAD + n * dof + 6]
+                move_columns(g_x, g_y, u, v, to_jacobian)
                 if inverse_depth is not None:
                     deepen_columns(
                         inverse_depth[r], middle, middle_nearer, focal, half_width, g_x, g_y,
-                        column,
+                        to_jacobian,
                     )
-                jacobian[AHEAD + n * dof : AHEAD + (n + 1) * dof] = column[:dof]
             unknowns = AHEAD + touched * dof
+            jacobian[unknowns : unknowns + SPARE] = 0.0
             for p in range(points):
                 slope[p] = np.float32(math.sqrt(weight[p]))
                 weight[p] *= residuals[r, p]
-            for m in range(unknowns):
+            for m in range(unknowns + SPARE):
                 for p in range(points):
                     weighted[m, p] = jacobian[m, p] * slope[p]
             base = (knot0 - begins[chunk]) * dof

@@ -13,7 +13,7 @@ EXTRA = 7  # unknowns after the control points: four gain coefficients, bias, ex
 # Rows of a Jacobian before those of the control points: the extras and one of zeros, since sums are
 # made four by four.
 AHEAD = 8
-SPARE = 3  # further rows of a Jacobian that may be read, for the same reason
+SPARE = 4  # rows of zeros after those of the control points
 BIAS_SCALE = np.float32(10.0)  # grey levels per unit of the bias unknown
 TONES = np.float32(32.0)  # entries of a tone table per unit of the root of linear light
 BRIGHTEST = np.float32(1020.0)  # linear light at the end of a tone table, four times white
@@ -189,16 +189,20 @@ def judge_row(x, values, mean, y_n, half_width, light, tones, gamma, gain, slope
     a2 = np.float32(light[2])
     a3 = np.float32(light[3])
     bias = np.float32(light[4])
+    # three loops: only the one that reads the table is not vectorised
     for p in range(x.size):
         x_n = x[p] * inverse_width
         gain[p] = a0 + a1 * x_n + a2 * y_n + a3 * (x_n * x_n + y_n * y_n)
         linear = min(max(gain[p] * mean[p] + bias, DARKEST), BRIGHTEST)
-        place = np.float32(math.sqrt(linear)) * TONES
-        k = np.uint64(np.uint32(place))
-        shown = tones[k] + (place - np.float32(np.uint32(place))) * (
-            tones[k + np.uint64(1)] - tones[k]
-        )
-        slope[p] = shown / linear * inverse_gamma
+        slope[p] = np.float32(math.sqrt(linear))
+    for p in range(x.size):
+        place = slope[p] * TONES
+        whole = np.int32(place)
+        k = np.uint64(np.uint32(whole))
+        residual[p] = tones[k] + (place - np.float32(whole)) * (tones[k + np.uint64(1)] - tones[k])
+    for p in range(x.size):
+        shown = residual[p]
+        slope[p] = shown * inverse_gamma / (slope[p] * slope[p])
         residual[p] = values[p] - shown
 
 
@@ -240,12 +244,27 @@ def light_rows(x, mean, mean_soft, stretch, y_n, half_width, gain, slope, jacobi
 
 @njit(**INLINED)
 def add_gradient(jacobian, count, weighted_residual, base, gradient):
-    """Add the first `count` rows of a Jacobian times weighted residuals to a gradient."""
-    for m in range(count):
-        total = np.float32(0.0)
+    """
+    Add the first `count` rows of a Jacobian times weighted residuals to a gradient.
+
+    The `SPARE` rows after them are zeros.
+    """
+    for m in range(0, count, 4):
+        j0 = jacobian[m]
+        j1 = jacobian[m + 1]
+        j2 = jacobian[m + 2]
+        j3 = jacobian[m + 3]
+        s0 = s1 = s2 = s3 = np.float32(0.0)
         for p in range(weighted_residual.size):
-            total += weighted_residual[p] * jacobian[m, p]
-        gradient[m if m < AHEAD else base + m] += total
+            s0 += weighted_residual[p] * j0[p]
+            s1 += weighted_residual[p] * j1[p]
+            s2 += weighted_residual[p] * j2[p]
+            s3 += weighted_residual[p] * j3[p]
+        to = m if m < AHEAD else base + m
+        gradient[to] += s0
+        gradient[to + 1] += s1
+        gradient[to + 2] += s2
+        gradient[to + 3] += s3
 
 
 @njit(**INLINED)
@@ -253,8 +272,7 @@ def add_products(weighted, count, base, normal):
     """
     Add the products of `count` rows, each by the root of the weights, to a lower triangle.
 
-    Four by four: eight loads then serve sixteen sums. Up to `SPARE` rows more are read, and as many
-    rows and columns of `normal` written that hold nothing.
+    Four by four: eight loads then serve sixteen sums. The `SPARE` rows after them are zeros.
     """
     for m in range(0, count, 4):
         row = m if m < AHEAD else base + m
