@@ -10,19 +10,25 @@ from concurrent.futures import Executor
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from ._kernels.fit_row import BIAS_SCALE, EXTRA
+from ._kernels.fit_row import AHEAD, BIAS_SCALE
 from .config import Config
 from .motion import Grid
-from .normal_equations import MOST_CHANGE, NO_RESIDUAL, Level, NormalEquations
+from .normal_equations import (
+    MOST_CHANGE,
+    NO_RESIDUAL,
+    OUTLIER,
+    Level,
+    NormalEquations,
+    Residuals,
+)
 from .path_fit import PathFit
 from .photometric import Light
 from .points import Points
 from .priors import Priors
+from .workspace import Workspace, Workspaces
 
 MIN_SIGMA = 1.0  # grey levels; no camera is quieter
-OUTLIER = 30.0  # grey levels; residuals beyond count as that when fits are compared
 RELINEARISE = 0.25  # px of the level the rows may move, rms, before Jacobians are worked out anew
 
 # Per pyramid level, full size first; the last entry serves all coarser ones.
@@ -43,13 +49,20 @@ class LevelFit:
     """Fits the path of one live frame at one size, from a fit that is near."""
 
     def __init__(
-        self, level: Level, points: Points, grid: Grid, config: Config, executor: Executor
+        self,
+        level: Level,
+        points: Points,
+        grid: Grid,
+        config: Config,
+        executor: Executor | None,
+        workspaces: Workspaces,
     ) -> None:
         self._level = level
         self._points = points
         self._grid = grid
         self._config = config
         self._executor = executor
+        self._workspaces = workspaces
         self._dof = config.registration.degrees_of_freedom
         self._stage = min(level.number, len(ITERATIONS) - 1)
 
@@ -62,9 +75,19 @@ class LevelFit:
         The exposure is kept unless `free_exposure`. A fit that is `near` is not held stiff at
         first: that would undo what it knows of quick motion.
         """
+        with self._workspaces.lent() as room:
+            return self._iterated(self._linearised(fit, room), fit, free_exposure, most, near)
+
+    def _iterated(
+        self,
+        linear: NormalEquations,
+        fit: PathFit,
+        free_exposure: bool,
+        most: int | None,
+        near: bool,
+    ) -> PathFit:
         start_exposure = fit.path.exposure_rows
-        linear = self._linearised(fit)
-        step, share, moved = np.zeros(linear.size), 1.0, np.inf
+        step, share, moved = np.zeros_like(linear.gradient), 1.0, np.inf
         begin = RELAXED_AFTER if near else 0
         for iteration in range(begin, begin + (most or ITERATIONS[self._stage])):
             tukey = self._stage == 0 and iteration > 0  # before that frame ends may be far off
@@ -76,21 +99,22 @@ class LevelFit:
                 linear.look(fit, misplaced, tukey)
             priors = self._priors(iteration, free_exposure, start_exposure)
             normal, gradient = priors.applied(
-                linear.normal, linear.gradient, fit.path.control, fit.path.exposure_rows, fit.sigma
+                linear.arrow, linear.gradient, fit.path.control, fit.path.exposure_rows, fit.sigma
             )
-            before, step = step, _solved(normal, gradient)
+            before, step = step, normal.solved(gradient)[0]
             # a step that turns back has gone too far, as weakly held ends of a frame do for ever
             share = max(0.25, 0.5 * share) if step @ before < 0 else min(1.0, 1.5 * share)
             step *= share
-            row_step = linear.row_step(step)
+            spread = linear.spread()
+            row_step = linear.row_step(step, fit)
             moved += row_step
-            fit = _stepped(fit, step, linear.residuals, self._dof, start_exposure)
+            fit = _stepped(fit, step, spread, self._dof, start_exposure)
             if iteration >= RELAXED_AFTER and row_step < STOP_STEP[self._stage]:
                 break
         own, sigma = self._own_exposure(linear, fit, iteration, start_exposure)
         return replace(
             fit,
-            information=normal / fit.sigma**2,
+            information=normal.dense() / fit.sigma**2,
             exposure_held=not free_exposure,
             own_exposure=own,
             own_exposure_sigma=sigma,
@@ -98,14 +122,15 @@ class LevelFit:
 
     def misfits(self, fit: PathFit) -> np.ndarray:
         """Residuals of a fit at each point that it sees, of which `cost` is the mean."""
-        linear = self._linearised(fit)
-        linear.renew(fit, MISPLACED[self._stage][1], True)
-        seen = linear.residuals[linear.residuals < NO_RESIDUAL]
-        return np.minimum(np.abs(seen), OUTLIER)
+        with self._workspaces.lent() as room:
+            linear = self._linearised(fit, room)
+            linear.renew(fit, MISPLACED[self._stage][1], True)
+            seen = linear.residuals[linear.residuals < NO_RESIDUAL]
+            return np.minimum(np.abs(seen), OUTLIER)
 
-    def _linearised(self, fit: PathFit) -> NormalEquations:
+    def _linearised(self, fit: PathFit, room: Workspace) -> NormalEquations:
         return NormalEquations(
-            self._level, self._points, self._grid, self._config, self._executor, fit
+            self._level, self._points, self._grid, self._config, self._executor, fit, room
         )
 
     def _own_exposure(
@@ -115,14 +140,14 @@ class LevelFit:
         priors = self._priors(iteration, True, start)
         exposure = fit.path.exposure_rows
         normal, gradient = priors.applied(
-            linear.normal, linear.gradient, fit.path.control, exposure, fit.sigma
+            linear.arrow, linear.gradient, fit.path.control, exposure, fit.sigma
         )
-        at = len(gradient) - EXTRA + 5
-        unit = np.zeros((len(gradient), 2))
-        unit[at, 0], unit[:, 1] = 1.0, gradient
-        solution = _solved(normal, unit)
-        change = np.clip(solution[at, 1], -0.5 * exposure, 0.5 * exposure)
-        return float(exposure + change), float(fit.sigma * np.sqrt(max(solution[at, 0], 0.0)))
+        at = len(gradient) - AHEAD + 5
+        unit = np.zeros_like(gradient)
+        unit[at] = 1.0
+        variance, wanted = normal.solved(unit, gradient)
+        change = min(max(wanted[at], -0.5 * exposure), 0.5 * exposure)
+        return float(exposure + change), float(fit.sigma * np.sqrt(max(variance[at], 0.0)))
 
     def _priors(self, iteration: int, free_exposure: bool, exposure: float) -> Priors:
         small = self._level.number > 1  # cannot tell blur from blur, nor light across the frame
@@ -138,34 +163,24 @@ def _relaxed(first_and_last: tuple[float, float], iteration: int) -> float:
     return float(first * (last / first) ** min(1.0, iteration / RELAXED_AFTER))
 
 
-def _solved(normal: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Solve the normal equations; zero where the frame holds nothing to learn from."""
-    try:
-        return cho_solve(cho_factor(normal, lower=True), target)
-    except LinAlgError:
-        return np.zeros_like(target)
-
-
 def _stepped(
-    fit: PathFit, step: np.ndarray, residuals: np.ndarray, dof: int, start_exposure: float
+    fit: PathFit, step: np.ndarray, residuals: Residuals, dof: int, start_exposure: float
 ) -> PathFit:
     path = fit.path
     control = path.control.copy()
-    control[:, :dof] += step[:-EXTRA].reshape(-1, dof)
-    extra = step[-EXTRA:]
+    control[:, :dof] += step[:-AHEAD].reshape(-1, dof)
+    extra = step[-AHEAD:]
     # within the span that the knots cover, and no leap in one step
-    change = np.clip(extra[5], -0.2 * path.exposure_rows, 0.2 * path.exposure_rows)
-    exposure = np.clip(
-        path.exposure_rows + change, start_exposure * 0.4, start_exposure * MOST_CHANGE
+    change = min(max(extra[5], -0.2 * path.exposure_rows), 0.2 * path.exposure_rows)
+    exposure = min(
+        max(path.exposure_rows + change, start_exposure * 0.4), start_exposure * MOST_CHANGE
     )
-    seen = np.abs(residuals[residuals < NO_RESIDUAL])
-    sigma = max(MIN_SIGMA, 1.4826 * float(np.median(seen))) if seen.size else fit.sigma
     return replace(
         fit,
         path=replace(path, control=control, exposure_rows=float(exposure)),
         light=Light(fit.light.gain + extra[:4], fit.light.bias + float(BIAS_SCALE) * extra[4]),
-        defocus=float(np.clip(fit.defocus + extra[6], *DEFOCUS)),
-        sigma=sigma,
-        cost=float(np.minimum(seen, OUTLIER).mean()) if seen.size else np.inf,
-        used=seen.size / residuals.size,
+        defocus=float(min(max(fit.defocus + extra[6], DEFOCUS[0]), DEFOCUS[1])),
+        sigma=max(MIN_SIGMA, residuals.sigma) if residuals.used else fit.sigma,
+        cost=residuals.cost,
+        used=residuals.used,
     )

@@ -23,6 +23,7 @@ from ._kernels import geometry
 
 COORDINATES = 6
 CENTROID_SAMPLES = 16  # instants per exposure in a row's centroid
+RUN_STEP = 4.0  # rows between instants at which the length of a path is taken
 
 
 @dataclass(frozen=True)
@@ -109,15 +110,14 @@ class CameraPath:
     @cached_property
     def _runs(self) -> np.ndarray:
         """How far a corner of the frame moves during each row's exposure (M,) [px]."""
-        times = np.arange(
-            -0.5 * self.exposure_rows, self.grid.live_shape[0] + 0.5 * self.exposure_rows + 4, 4.0
-        )
-        moves = np.abs(np.diff(self.coordinates(times), axis=0))
-        # a corner moves by the centre's motion plus what rotation, zoom and tilt add at its radius
-        speed = np.hypot(moves[:, 0], moves[:, 1]) + moves[:, 2:].sum(axis=1) * 0.7
-        length = np.concatenate([[0.0], np.cumsum(speed)])
-        ends = self.row_times[:, None] + np.array([-0.5, 0.5]) * self.exposure_rows
-        return np.diff(np.interp(ends, times, length), axis=1)[:, 0]
+        rows = self.grid.live_shape[0]
+        steps = math.ceil((rows + self.exposure_rows) / RUN_STEP) + 1
+        runs = np.empty(rows)
+        geometry.corner_runs(
+            self.row_times, self.exposure_rows, self.control, self.first_time, self.knot_rows,
+            RUN_STEP, np.empty(steps), runs,
+        )  # fmt: skip
+        return runs
 
     @property
     def offset(self) -> np.ndarray:

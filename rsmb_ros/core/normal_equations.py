@@ -5,38 +5,77 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
 
 import numpy as np
 
 from ._kernels.fit import correct, linearise
-from ._kernels.fit_row import EXTRA, SPARE
+from ._kernels.fit_row import AHEAD, BRIGHTEST, SPARE, TONES
+from ._kernels.normal import assemble, assemble_gradient, row_steps, spread
+from .arrow import Arrow
 from .config import Config
 from .motion import Grid
 from .path_fit import PathFit
 from .points import Points
 from .sampling import defocused
+from .workspace import Workspace
 
 CHUNKS = 8  # blocks of rows, summed in this order whatever the number of threads
+ALONE = 16_000  # points times instants, below which a second thread takes longer to wake
 POINT_STEP = 1.0  # px of the level between instants of the exposure
 NO_RESIDUAL = 1e8  # residuals above this mark points without reference
+OUTLIER = 30.0  # grey levels; residuals beyond count as that when fits are compared
+BINS_PER_LEVEL = 16.0  # of the histogram that residuals' median is read from
+BINS = 4096
 ROW_SEEN = 0.2  # share of a row's points that must lie in the reference for it to be waited for
 MOST_CHANGE = 1.6  # of the exposure while one image size is fitted
 # Mean square of what 1 px of each path coordinate moves the pixels of a 4:3 frame [px^2].
 REACH = np.array([1.0, 1.0, 0.5, 0.5, 0.3, 0.2])
+DEFOCUS_STEP = 0.1  # px^2 between the defocused references that are worked out
+
+
+class Level:
+    """
+    Reference at one size.
+
+    Attributes
+    ----------
+    softer : ndarray of shape (2M, 2N), float32
+        What defocus of 1 px^2 (full size) adds to it.
+    number : int
+        0 = full size.
+    factor : float
+        Full-size pixels per pixel.
+
+    """
+
+    def __init__(self, fine: np.ndarray, softer: np.ndarray, number: int) -> None:
+        """Keep the half-pixel reference (2M, 2N) float32 in linear light."""
+        self._fine = fine
+        self.softer = softer
+        self.number = number
+        self.factor = 2.0**number
+        self._defocused: tuple[float, np.ndarray] = (0.0, fine)
+
+    def defocused(self, variance: float) -> tuple[float, np.ndarray]:
+        """Return the reference (2M, 2N) with about that defocus, and how much it is [px^2]."""
+        near = DEFOCUS_STEP * round(variance / DEFOCUS_STEP)
+        kept = self._defocused  # of the last fit: frames of one camera are alike
+        if near == 0.0:
+            return near, self._fine
+        if kept[0] != near:
+            kept = self._defocused = (near, defocused(self._fine, self.softer, near))
+        return kept
 
 
 @dataclass(frozen=True)
-class Level:
-    """Reference at one size."""
+class Residuals:
+    """How well a fit explains the points."""
 
-    fine: np.ndarray  # (2M, 2N) half-pixel reference in linear light
-    softer: np.ndarray  # (2M, 2N) what defocus of 1 px^2 (full size) adds to it
-    number: int  # 0 = full size
-
-    @property
-    def factor(self) -> float:
-        """Full-size pixels per pixel."""
-        return 2.0**self.number
+    sigma: float  # robust standard deviation [grey levels], 0 without any
+    cost: float  # mean, each at most `OUTLIER` [grey levels], infinite without any
+    used: float  # share of the points that lie in the reference, 0..1
 
 
 class NormalEquations:
@@ -45,11 +84,10 @@ class NormalEquations:
 
     Attributes
     ----------
-    size : int
-        D, unknowns: control points, then `EXTRA` others.
-    normal : ndarray of shape (D, D)
-        Lower triangle.
-    gradient : ndarray of shape (D,)
+    arrow : Arrow
+        The matrix.
+    gradient : ndarray of shape (D + AHEAD,)
+        Path first, then the extras.
     residuals : ndarray of shape (R, P), float32
         live - predicted at each point [grey levels], above `NO_RESIDUAL` where there is none.
 
@@ -61,28 +99,45 @@ class NormalEquations:
         points: Points,
         grid: Grid,
         config: Config,
-        executor: Executor,
+        executor: Executor | None,
         fit: PathFit,
+        room: Workspace,
     ) -> None:
         path = fit.path
         self._level = level
         self._points = points
         self._grid = grid
         self._gamma = config.camera.gamma
+        self._tones = tone_table(self._gamma)
         self._executor = executor
+        self._threads = 1 if executor is None else config.worker.threads
         self._dof = config.registration.degrees_of_freedom
-        self._start_defocus = fit.defocus
-        self._fine = defocused(level.fine, level.softer, fit.defocus)
+        self._knots = len(path.control)
+        self._start_defocus, self._fine = level.defocused(fit.defocus)
         self._at_full_size = np.clip((points.rows + 0.5) * level.factor - 0.5, 0, None)
         self._times = np.interp(self._at_full_size, np.arange(len(path.row_times)), path.row_times)
-        self._basis = path.spline_basis(self._times)
-        self.size = len(path.control) * self._dof + EXTRA
+        self._places = points.from_center(level.factor, grid)
         rows, count = points.columns.shape
-        longest = int(MOST_CHANGE * path.exposure_rows / path.knot_rows) + 6
-        self._jacobians = np.empty((rows, longest * self._dof + EXTRA + SPARE, count), np.float32)
-        self._knots_of = np.empty((rows, 2), np.int64)
-        self._edges = np.empty((rows, count), np.float32)
-        self.residuals = np.empty((rows, count), np.float32)
+        self._bounds = np.arange(CHUNKS + 1) * rows // CHUNKS
+        longest = MOST_CHANGE * path.exposure_rows
+        most = int(longest / path.knot_rows) + 6
+        spread_rows = rows // CHUNKS + 1
+        pitch = abs(self._times[-1] - self._times[0]) / max(1, rows - 1)
+        size = int((longest + spread_rows * pitch) / path.knot_rows) + 7
+        self._begins = np.zeros(CHUNKS, np.int64)
+        self._normals = room.array('normals', (CHUNKS, *2 * (size * self._dof + AHEAD + SPARE,)))
+        self._gradients = room.array('gradients', (CHUNKS, size * self._dof + AHEAD + SPARE))
+        self._kept = (
+            room.array('residuals', (rows, count), np.float32),
+            room.array('jacobians', (rows, most * self._dof + AHEAD + SPARE, count), np.float32),
+            room.array('knots', (rows, 2), np.int64),
+            room.array('edges', (rows, count), np.float32),
+            room.array('soft', (rows, count), np.float32),
+        )
+        self.residuals = self._kept[0]
+        self._bins = room.array('bins', (BINS,), np.int64)
+        self._seen = np.zeros(rows, bool)
+        self.gradient = np.zeros(self._knots * self._dof + AHEAD)
 
     def renew(self, fit: PathFit, misplaced: float, tukey: bool) -> None:
         """
@@ -90,53 +145,73 @@ class NormalEquations:
 
         `misplaced` [px] is how far an edge may be off, `tukey` chooses the loss (else Huber).
         """
-        samples = fit.path.samples_per_row(POINT_STEP * self._level.factor)
-        at = np.minimum(self._at_full_size.astype(int), len(samples) - 1)
+        path = fit.path
+        samples = path.samples_per_row(POINT_STEP * self._level.factor)
+        at = np.minimum(self._at_full_size.astype(np.int64), len(samples) - 1)
         self._samples = samples[at]
-        normal = np.zeros((CHUNKS, self.size, self.size))
-        gradient = np.zeros((CHUNKS, self.size))
-        data = self._data(fit, misplaced, tukey)
-        kept = self.residuals, self._jacobians, self._knots_of, self._edges
-
-        def run(first: int, last: int, chunk: int) -> None:
-            linearise(first, last, *data, normal[chunk], gradient[chunk], *kept)
-
-        self._over_rows(run)
-        self.normal, self.gradient = normal.sum(axis=0), gradient.sum(axis=0)
+        work = int(self._samples.sum()) * self._places.shape[1]
+        self._parts = 1 if work < ALONE else min(self._threads, CHUNKS)
+        self._over_rows(linearise, fit, misplaced, tukey)
+        touched = int(self._kept[2][:, 1].max())
+        self.arrow = Arrow.empty(self._knots * self._dof, max(touched, 2 * self._dof + 1))
+        assemble(self._begins, self._dof, self._normals, *self.arrow.parts)
+        assemble_gradient(self._begins, self._dof, self._gradients, self.gradient)
 
     def look(self, fit: PathFit, misplaced: float, tukey: bool) -> None:
         """Work out residuals and gradient anew, on the Jacobians as they are."""
-        gradient = np.zeros((CHUNKS, self.size))
-        data = self._data(fit, misplaced, tukey)
-        kept = self.residuals, self._jacobians, self._knots_of, self._edges
+        self._over_rows(correct, fit, misplaced, tukey)
+        assemble_gradient(self._begins, self._dof, self._gradients, self.gradient)
 
-        def run(first: int, last: int, chunk: int) -> None:
-            correct(first, last, *data, gradient[chunk], *kept)
+    def spread(self) -> Residuals:
+        """Return how well the fit that was last looked at explains the points."""
+        median, cost, used = spread(
+            self.residuals, NO_RESIDUAL, OUTLIER, ROW_SEEN, self._bins, BINS_PER_LEVEL, self._seen
+        )
+        return Residuals(1.4826 * median, cost if used else np.inf, used)
 
-        self._over_rows(run)
-        self.gradient = gradient.sum(axis=0)
-
-    def row_step(self, step: np.ndarray) -> float:
-        """Return how far a step moves the rows that are seen, root mean square [px]."""
-        seen = (self.residuals < NO_RESIDUAL).mean(axis=1) > ROW_SEEN
-        if not seen.any():
-            return 0.0
-        moved = self._basis[seen] @ step[:-EXTRA].reshape(-1, self._dof)
-        return float(np.sqrt((moved**2 @ REACH[: self._dof]).mean()))
-
-    def _data(self, fit: PathFit, misplaced: float, tukey: bool) -> tuple:
-        path, level, points = fit.path, self._level, self._points
-        softened = fit.defocus - self._start_defocus
-        return (
-            self._fine.ravel(), level.softer.ravel(), *self._fine.shape,
-            points.rows, self._times, self._samples, points.columns, points.values,
-            points.inverse_depth, path.control, path.first_time, path.knot_rows,
-            path.exposure_rows, softened, self._grid.focal_px, self._grid.center, level.factor,
-            self._dof, np.append(fit.light.gain, fit.light.bias), self._gamma, fit.sigma,
-            misplaced, tukey,
+    def row_step(self, step: np.ndarray, fit: PathFit) -> float:
+        """Return how far a step moves the rows that `spread` has seen, root mean square [px]."""
+        path = fit.path
+        return float(
+            row_steps(
+                step, self._dof, self._times, path.first_time, path.knot_rows, self._knots, REACH,
+                self._seen,
+            )
+            ** 0.5
         )  # fmt: skip
 
-    def _over_rows(self, run: Callable[[int, int, int], None]) -> None:
-        rows = len(self._times)
-        bounds = [chunk * rows // CHUNKS for chunk in range(CHUNKS + 1)]
-        list(self._executor.map(run, bounds[:-1], bounds[1:], range(CHUNKS)))
+    def _over_rows(
+        self, kernel: Callable[..., None], fit: PathFit, misplaced: float, tukey: bool
+    ) -> None:
+        """Run a kernel over all chunks of rows, the last share of them in this thread."""
+        path, level, points = fit.path, self._level, self._points
+        data = (
+            self._bounds, self._fine.ravel(), level.softer.ravel(), *self._fine.shape,
+            points.rows, self._times, self._samples, self._places, points.values,
+            points.inverse_depth, path.control, path.first_time, path.knot_rows,
+            path.exposure_rows, fit.defocus - self._start_defocus, self._grid.focal_px,
+            self._grid.center, level.factor, self._dof,
+            np.append(fit.light.gain, fit.light.bias), self._tones, self._gamma, fit.sigma,
+            misplaced, tukey, self._begins, self._normals, self._gradients, *self._kept,
+        )  # fmt: skip
+        ends = [part * CHUNKS // self._parts for part in range(self._parts + 1)]
+        *others_shares, own = pairwise(ends)
+        others = [
+            self._executor.submit(kernel, *share, *data)
+            for share in others_shares
+            if self._executor
+        ]
+        kernel(*own, *data)
+        for other in others:
+            other.result()
+
+
+@cache
+def tone_table(gamma: float) -> np.ndarray:
+    """
+    Return display values (n,) float32 at equal steps of the root of linear light.
+
+    Over the root the tone curve is nearly straight: read linearly it is right to 3e-3 grey levels.
+    """
+    root = np.arange(round(float(BRIGHTEST) ** 0.5 * float(TONES)) + 3) / float(TONES)
+    return (255.0 * (root**2 / 255.0) ** (1.0 / gamma)).astype(np.float32)

@@ -25,10 +25,12 @@ from .points import Points, select_points
 from .reference import Reference
 from .sampling import half_pixel, pyramid
 from .stream import StreamMemory
+from .workspace import Workspaces
 
 COARSEST_WIDTH = 160  # px; the pyramid ends there
 COLD_EXPOSURES = (3.0, 12.0, 36.0, 90.0, 200.0)  # rows, tried when nothing is known
 TRIAL = 4  # iterations each of them gets at half size
+TRIAL_ROWS = 60  # of points, that are enough to tell exposures apart
 FINALISTS = 2  # of them that are fitted until they stand
 FOLLOWING_LEVELS = 2  # finest, that the next frame of a stream is fitted at
 
@@ -44,6 +46,7 @@ class PathEstimator:
         self._depth = reference.depth
         self._config = config
         self._executor = executor
+        self._workspaces = Workspaces()
         count = level_count(grid)
         self._levels = [Level(reference.fine, reference.softer, 0)]
         smaller = zip(pyramid(reference.linear, count), pyramid(reference.soft, count), strict=True)
@@ -113,7 +116,9 @@ class PathEstimator:
         """Return what fits `points` of level `n`, at the depths that `path` lets them see."""
         if self._depth is not None:
             points = points.on(self._depth, path, n)
-        return LevelFit(self._levels[n], points, self._grid, self._config, self._executor)
+        return LevelFit(
+            self._levels[n], points, self._grid, self._config, self._executor, self._workspaces
+        )
 
     def _start(
         self, matches: StripMatches, exposure: float, knot_rows: float | None = None
@@ -135,8 +140,9 @@ class PathEstimator:
         tried = [e for e in COLD_EXPOSURES if e <= 0.8 * self._grid.live_shape[0]]
         middle = tried[len(tried) // 2]
         start = self._fit_levels(points, self._start(matches, middle), finest + 1, False)
+        few = points[finest].every(max(1, len(points[finest].rows) // TRIAL_ROWS))
         fits = [
-            self._fit_level(finest, points[finest], _with_exposure(start, exposure), True, TRIAL)
+            self._fit_level(finest, few, _with_exposure(start, exposure), True, TRIAL)
             for exposure in tried
         ]
         fits = sorted(fits, key=lambda fit: fit.cost)[:FINALISTS]

@@ -9,7 +9,7 @@ import numpy as np
 from ._kernels.depth import point_depths
 from ._kernels.fit_row import strongest_gradients
 from .depth_map import EDGE_STEP, DepthMap
-from .motion import CameraPath
+from .motion import CameraPath, Grid
 
 ROW_STEP = 4  # rows between rows of points, at full size
 BIN_WIDTH = 7  # px per point at full size, about
@@ -35,6 +35,21 @@ class Points:
     def without(self, mask: np.ndarray) -> Points:
         """Return the points with those on a mask (M, N) bool of this level switched off."""
         return self.only(~mask[self.rows[:, None], self.columns])
+
+    def every(self, n: int) -> Points:
+        """Return the points of every n-th row."""
+        depth = self.inverse_depth
+        return replace(
+            self,
+            rows=self.rows[::n],
+            columns=self.columns[::n],
+            values=self.values[::n],
+            inverse_depth=None if depth is None else depth[::n],
+        )
+
+    def from_center(self, factor: float, grid: Grid) -> np.ndarray:
+        """Columns (R, P) float32 from the live centre [px of the full image]."""
+        return ((self.columns + 0.5) * factor - 0.5 - grid.center[0]).astype(np.float32)
 
     def on(self, depth: DepthMap, path: CameraPath, n: int) -> Points:
         """

@@ -7,7 +7,9 @@ from functools import cache
 
 import numpy as np
 
-from ._kernels.fit_row import EXTRA
+from ._kernels.fit_row import AHEAD
+from ._kernels.normal import believe
+from .arrow import Arrow
 
 # How reluctantly each path coordinate bends and changes; a row alone hardly sees the tilt.
 BEND = np.array([0.1, 0.1, 0.2, 0.4, 2.0, 2.0])
@@ -27,20 +29,20 @@ class Priors:
 
     def applied(
         self,
-        normal: np.ndarray,
+        normal: Arrow,
         gradient: np.ndarray,
         control: np.ndarray,
         exposure_rows: float,
         sigma: float,
-    ) -> tuple[np.ndarray, np.ndarray]:
+    ) -> tuple[Arrow, np.ndarray]:
         """
         Add the beliefs to normal equations; unknowns that are fixed drop out.
 
         Parameters
         ----------
-        normal : ndarray of shape (D, D)
-            Lower triangle; D = knots * dof + EXTRA.
-        gradient : ndarray of shape (D,)
+        normal : Arrow
+            Of D = knots * dof unknowns.
+        gradient : ndarray of shape (D + AHEAD,)
         control : ndarray of shape (knots, 6)
             Path coordinates they were linearised at [px].
         exposure_rows : float
@@ -50,38 +52,30 @@ class Priors:
 
         """
         normal, gradient = normal.copy(), gradient.copy()
-        control = control[:, : self.dof]
-        path = control.size
-        curvature = np.trace(normal[:path, :path]) / path + 1e-9
-        belief = curvature * self.stiffness * _smoothness(len(control), self.dof)
-        belief[np.diag_indices(path)] += _tilt_ridge(len(control), self.dof, sigma)
-        normal[:path, :path] += belief
-        gradient[:path] -= belief @ control.ravel()
-        # damping keeps knots without data in place; it does not bias the solution
-        normal[np.diag_indices(path)] += 1e-4 * curvature * min(1.0, 10 * self.stiffness) + 1e-9
-        extra = np.arange(path, path + EXTRA)
-        normal[extra, extra] += 1e-6 * normal[extra, extra] + 1e-6
+        fixed = np.zeros(AHEAD, bool)
+        fixed[list(self.fixed)] = True
+        ridge = np.zeros(self.dof)
+        ridge[4:] = (sigma / TILT_SIGMA) ** 2
         trust = (sigma / (EXPOSURE_SIGMA * self.exposure)) ** 2
-        normal[path + 5, path + 5] += trust
-        gradient[path + 5] -= trust * (exposure_rows - self.exposure)
-        for index in self.fixed:
-            at = path + index
-            normal[at, :] = normal[:, at] = 0.0
-            normal[at, at] = 1.0
-            gradient[at] = 0.0
+        believe(
+            smoothness(len(control), self.dof), ridge, self.stiffness,
+            1e-4 * min(1.0, 10 * self.stiffness), control, fixed, trust,
+            -trust * (exposure_rows - self.exposure), *normal.parts, gradient,
+        )  # fmt: skip
         return normal, gradient
 
 
 @cache
-def _smoothness(knots: int, dof: int) -> np.ndarray:
-    """Penalty on slope and bend of each path coordinate, knots x coordinates interleaved."""
+def smoothness(knots: int, dof: int) -> np.ndarray:
+    """
+    Return the penalty on slope and bend of each path coordinate (knots, 3, dof).
+
+    Element (k, d) couples knot k with knot k + d.
+    """
     first, second = (np.diff(np.eye(knots), n, axis=0) for n in (1, 2))
-    return np.kron(second.T @ second, np.diag(BEND[:dof])) + np.kron(
-        first.T @ first, np.diag(SLOPE[:dof])
-    )
-
-
-def _tilt_ridge(knots: int, dof: int, sigma: float) -> np.ndarray:
-    ridge = np.zeros((knots, dof))
-    ridge[:, 4:] = (sigma / TILT_SIGMA) ** 2
-    return ridge.ravel()
+    bands = np.zeros((knots, 3, dof))
+    for differences, weight in ((second, BEND), (first, SLOPE)):
+        penalty = differences.T @ differences
+        for ahead in range(3):
+            bands[: knots - ahead, ahead] += np.diag(penalty, ahead)[:, None] * weight[:dof]
+    return bands

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import naive
@@ -9,7 +10,10 @@ import numpy as np
 import pytest
 
 from rsmb_ros.core._kernels import fit, fit_row, geometry, render, synthesis
+from rsmb_ros.core._kernels.normal import assemble, assemble_gradient
+from rsmb_ros.core.arrow import Arrow
 from rsmb_ros.core.motion import homographies
+from rsmb_ros.core.normal_equations import tone_table
 from rsmb_ros.core.render import blurred, shown_at
 from rsmb_ros.core.sampling import HALF_PIXELS, half_pixel, softened
 
@@ -94,6 +98,7 @@ class _Points:
         self.columns = np.sort(rng.integers(6, 42, (4, 5)), axis=1)
         self.values = rng.uniform(80, 170, (4, 5)).astype(np.float32)
         self.count = 5
+        self.bounds = np.array([0, 1, 4])
         self.depths = np.ones((4, 5))
         self.inverse_depth = None
         if depths is not None:
@@ -102,33 +107,45 @@ class _Points:
 
     def linearise(self, light=LIGHT, sigma=50.0, tukey=False, misplaced=0.0, softened=0.0):
         """Normal matrix, gradient, residuals; keeps what `corrected` needs."""
-        size = len(self.path.control) * self.dof + fit_row.EXTRA
-        normal, gradient = np.zeros((size, size)), np.zeros(size)
-        residuals = np.zeros(self.values.shape, np.float32)
+        room = len(self.path.control) * self.dof + fit_row.AHEAD + fit_row.SPARE
+        self.begins = np.zeros(2, np.int64)
+        self.chunks = np.zeros((2, room, room)), np.zeros((2, room))
+        rows, points = self.values.shape
         self.kept = (
-            np.zeros((4, size + fit_row.SPARE, self.values.shape[1]), np.float32),
-            np.zeros((4, 2), np.int64),
-            np.zeros(self.values.shape, np.float32),
+            np.zeros((rows, room, points), np.float32),
+            np.zeros((rows, 2), np.int64),
+            np.zeros((rows, points), np.float32),
+            np.zeros((rows, points), np.float32),
         )
+        residuals = np.zeros(self.values.shape, np.float32)
         data = self.data(light, sigma, misplaced, tukey, softened)
-        fit.linearise(0, 4, *data, normal, gradient, residuals, *self.kept)
-        return normal, gradient, residuals
+        fit.linearise(0, 2, *data, self.begins, *self.chunks, residuals, *self.kept)
+        arrow = Arrow.empty(len(self.path.control) * self.dof, room)
+        assemble(self.begins, self.dof, self.chunks[0], *arrow.parts)
+        return arrow.dense(), self.gradient(), residuals
 
     def corrected(self, light=LIGHT, sigma=50.0, tukey=False, misplaced=0.0, softened=0.0):
         """Gradient and residuals on the Jacobians of the last `linearise`."""
-        gradient = np.zeros(len(self.path.control) * self.dof + fit_row.EXTRA)
         residuals = np.zeros(self.values.shape, np.float32)
         data = self.data(light, sigma, misplaced, tukey, softened)
-        fit.correct(0, 4, *data, gradient, residuals, *self.kept)
-        return gradient, residuals
+        fit.correct(0, 2, *data, self.begins, *self.chunks, residuals, *self.kept)
+        return self.gradient(), residuals
+
+    def gradient(self):
+        """Sum of the chunks', path first."""
+        total = np.zeros(len(self.path.control) * self.dof + fit_row.AHEAD)
+        assemble_gradient(self.begins, self.dof, self.chunks[1], total)
+        return total[: total.size - fit_row.AHEAD + fit_row.EXTRA]
 
     def data(self, light, sigma, misplaced, tukey, softened):
+        places = (self.columns - self.path.grid.center[0]).astype(np.float32)
         return (
-            self.fine.ravel(), self.softer.ravel(), *self.fine.shape, self.rows,
-            self.path.row_times[self.rows], np.full(4, self.count), self.columns,
+            self.bounds, self.fine.ravel(), self.softer.ravel(), *self.fine.shape,
+            self.rows, self.path.row_times[self.rows], np.full(4, self.count), places,
             self.values, self.inverse_depth, self.path.control, self.path.first_time,
             self.path.knot_rows, self.path.exposure_rows, softened, self.path.grid.focal_px,
-            self.path.grid.center, 1.0, self.dof, light, GAMMA, sigma, misplaced, tukey,
+            self.path.grid.center, 1.0, self.dof, light, tone_table(GAMMA), GAMMA, sigma,
+            misplaced, tukey,
         )  # fmt: skip
 
     def literal_residuals(self, light=LIGHT, softened=0.0):
@@ -143,6 +160,14 @@ class _Points:
             for column, value, depth in zip(columns, values, depths, strict=True)
         ]
         return np.array([1e9 if r is None else r for r in found]).reshape(self.values.shape)
+
+
+def _single(points, r):
+    """Return the points of one row, linearised."""
+    single = copy(points)
+    single.bounds = np.array([r, r + 1, r + 1])
+    single.linearise()
+    return single
 
 
 @pytest.mark.parametrize('depths', [None, (0.5, 0.8)])
@@ -247,6 +272,22 @@ def test_normal_matrix_is_the_square_of_the_jacobian(bent_path, texture_of):
     np.testing.assert_allclose(
         gradient, jacobian.T @ residuals.ravel(), rtol=2e-2, atol=2e-2 * np.abs(gradient).max()
     )
+
+
+@pytest.mark.parametrize('dof', [2, 3, 5, 6])
+def test_rows_of_one_chunk_add_up(bent_path, texture_of, dof):
+    """Sums are made four unknowns at a time: those of one row must not reach into another's."""
+    one, many = _Points(bent_path, texture_of, dof), _Points(bent_path, texture_of, dof)
+    one.bounds, many.bounds = np.array([0, 4, 4]), np.array([0, 2, 4])
+    one.rows[:] = many.rows[:] = [24, 27, 20, 8]  # exposures over 2, 3, ... knots
+    touched = one.linearise()[0], many.linearise()[0]
+    assert len(np.unique(one.kept[1][:, 1])) > 1
+    np.testing.assert_allclose(*touched, rtol=1e-5, atol=1e-5 * np.abs(touched[0]).max())
+    np.testing.assert_allclose(one.gradient(), many.gradient(), rtol=1e-4, atol=1e-2)
+    normal = sum(_single(one, r).linearise()[0] for r in range(4))
+    np.testing.assert_allclose(normal, touched[0], rtol=1e-5, atol=1e-5 * np.abs(normal).max())
+    gradient = sum(_single(one, r).corrected()[0] for r in range(4))
+    np.testing.assert_allclose(gradient, one.corrected()[0], rtol=1e-4, atol=1e-2)
 
 
 def test_tukey_gives_no_weight_beyond_five_sigma(bent_path, texture_of):

@@ -2,48 +2,64 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
 from .depth import deepen_columns, parallax
 from .fit_row import (
-    EXTRA,
-    add_row,
+    AHEAD,
+    SPARE,
+    add_gradient,
+    add_products,
+    add_stretch,
     add_values,
-    finish_row,
     judge_row,
+    light_rows,
     mark_outside,
+    move_columns,
     place_row,
     read_row,
+    turned_places,
     weigh_row,
 )
 from .geometry import OPTIONS, basis_slope, homography, instant, instant_offset, span
 
+MUCH_SOFTER = 0.1  # px^2 of defocus that `correct` does not look up anew
+
 
 @njit(**OPTIONS)
 def linearise(
-    first, last, fine, softer, half_rows, half_columns, rows, times, samples, columns, values,
-    inverse_depth, control, first_time, knot_rows, exposure, softened, focal, center, level, dof,
-    light, gamma, sigma, misplaced, tukey, normal, gradient, residuals, jacobians, knots_of, edges,
+    first, last, bounds, fine, softer, half_rows, half_columns, rows, times, samples, places,
+    values, inverse_depth, control, first_time, knot_rows, exposure, softened, focal, center, level,
+    dof, light, tones, gamma, sigma, misplaced, tukey, begins, normal, gradient, residuals,
+    jacobians, knots_of, edges, soft,
 ):
     """
-    Add the points of rows[first:last] to the normal equations of Eq. 1 and 6.
+    Write the normal equations of Eq. 1 and 6 of each of chunks[first:last] of the rows of points.
 
+    Chunk c holds rows[bounds[c]:bounds[c + 1]]. Its `normal[c]` (S, S), lower triangle, and
+    `gradient[c]` (S,) hold the extras, `AHEAD` of them, then the unknowns of its knots from
+    `begins[c]` on.
+    `places` (R, P) are the points' columns from the live centre [px].
     `softer` is what defocus by 1 px^2 adds to `fine`, `softened` how much of it [px^2].
     `misplaced` [px] is how far an edge may be from its place for reasons that are not the camera.
     Residuals are in display grey levels: live - display(gain * mean over the exposure + bias).
     Points with a negative value are switched off; they lie at `inverse_depth` (R, P), None: all on
-    the background. `residuals` gets 1e9 where a point is off or has
-    no reference. `jacobians`, `knots_of` (first knot and unknowns of a row) and `edges` keep
-    what `correct` needs.
+    the background. `residuals` gets 1e9 where a point is off or has no reference. `jacobians`,
+    `knots_of` (first knot and unknowns of a row), `edges` and `soft` keep what `correct` needs.
     """
-    points = columns.shape[1]
-    extra = control.shape[0] * dof
+    points = places.shape[1]
+    knots = control.shape[0]
     half_width = center[0] + 0.5
-    weighted = np.empty(points, np.float32)
+    most = jacobians.shape[1]
+    weighted = np.zeros((most, points), np.float32)
+    knot_g = np.empty((most // dof + 1, 2 * points), np.float32)  # gradients x, then y
     value = np.empty(points, np.float32)
-    g_x = np.empty(points, np.float32)
-    g_y = np.empty(points, np.float32)
+    g = np.empty(2 * points, np.float32)
+    g_x = g[:points]
+    g_y = g[points:]
     at = np.empty(points, np.uint32)
     f_u = np.empty(points, np.float32)
     f_v = np.empty(points, np.float32)
@@ -51,125 +67,159 @@ def linearise(
     v = np.empty(points, np.float32)
     column = np.empty((6, points), np.float32)
     mean = np.empty(points, np.float32)
-    mean_x = np.empty(points, np.float32)
-    mean_y = np.empty(points, np.float32)
-    mean_soft = np.empty(points, np.float32)
     inside = np.empty(points, np.float32)
     stretch = np.empty(points, np.float32)
     weight = np.empty(points, np.float32)
     gain = np.empty(points, np.float32)
     slope = np.empty(points, np.float32)
     h = np.empty(9)
+    middle = np.empty(9)
     far = np.empty(9)
-    nearer = np.empty(3)
+    nearer = np.zeros(3)
+    middle_nearer = np.zeros(3)
     q = np.zeros(6)
     speed = np.zeros(6)
     b = np.empty(4)
     slopes = np.empty(4)
-    inverse_width = np.float32(1.0 / half_width)
     scale = np.float32(2.0 / level)
-    for r in range(first, last):
-        count = samples[r]
-        share = np.float32(1.0 / count)
-        begin = times[r] - 0.5 * exposure
-        knot0, _ = span(begin, first_time, knot_rows, control.shape[0])
-        knot1, _ = span(begin + exposure, first_time, knot_rows, control.shape[0])
-        active = (knot1 - knot0 + 4) * dof
-        jacobian = jacobians[r]
-        knots_of[r, 0] = knot0
-        knots_of[r, 1] = active
-        for m in range(active):
+    for chunk in range(first, last):
+        normal[chunk] = 0.0
+        gradient[chunk] = 0.0
+        begins[chunk] = knots
+        for r in range(bounds[chunk], bounds[chunk + 1]):
+            knot, _ = span(times[r] - 0.5 * exposure, first_time, knot_rows, knots)
+            begins[chunk] = min(begins[chunk], knot)
+        for r in range(bounds[chunk], bounds[chunk + 1]):
+            count = samples[r]
+            share = np.float32(1.0 / count)
+            begin = times[r] - 0.5 * exposure
+            knot0, _ = span(begin, first_time, knot_rows, knots)
+            knot1, _ = span(begin + exposure, first_time, knot_rows, knots)
+            touched = knot1 - knot0 + 4
+            jacobian = jacobians[r]
+            knots_of[r, 0] = knot0
+            knots_of[r, 1] = touched * dof
+            mean_soft = soft[r]
+            mean[:] = 0.0
+            mean_soft[:] = 0.0
+            stretch[:] = 0.0
+            knot_g[:touched] = 0.0
             for p in range(points):
-                jacobian[m, p] = 0.0
-        for p in range(points):
-            mean[p] = 0.0
-            mean_x[p] = 0.0
-            mean_y[p] = 0.0
-            mean_soft[p] = 0.0
-            stretch[p] = 0.0
-            inside[p] = 1.0 if values[r, p] >= 0.0 else 0.0  # switched off: must not pull at all
-        for k in range(count):
-            offset = instant_offset(k, count)
-            j, fraction = instant(
-                times[r] + offset * exposure, control, first_time, knot_rows, b, q
-            )
-            basis_slope(fraction, slopes)
-            for e in range(6):
-                speed[e] = (
-                    slopes[0] * control[j, e]
-                    + slopes[1] * control[j + 1, e]
-                    + slopes[2] * control[j + 2, e]
-                    + slopes[3] * control[j + 3, e]
-                ) / knot_rows
-            homography(q, focal, half_width, 1.0, h)
+                inside[p] = 1.0 if values[r, p] >= 0.0 else 0.0
+            y = (rows[r] + 0.5) * level - 0.5 - center[1]
+            x = places[r]
+            # derivatives with respect to the path are those of the middle of the exposure
+            instant(times[r], control, first_time, knot_rows, b, q)
+            homography(q, focal, half_width, 1.0, middle)
             if inverse_depth is not None:
-                parallax(q, focal, half_width, h, far, nearer)
-            place_row(
-                half_rows, half_columns, columns[r], h, rows[r], level, center, at, f_u, f_v, u,
-                v, inside, inverse_depth, r, nearer,
-            )
-            read_row(fine, half_columns, at, f_u, f_v, scale, value, g_x, g_y)
-            add_values(softer, half_columns, at, f_u, f_v, share, mean_soft)
-            for p in range(points):
-                u_n = u[p] * inverse_width
-                v_n = v[p] * inverse_width
-                radial = g_x[p] * u_n + g_y[p] * v_n
-                mean[p] += value[p] * share
-                mean_x[p] += g_x[p] * share
-                mean_y[p] += g_y[p] * share
-                column[0, p] = g_x[p]
-                column[1, p] = g_y[p]
-                column[2, p] = g_y[p] * u_n - g_x[p] * v_n
-                column[3, p] = radial
-                column[4, p] = radial * u_n
-                column[5, p] = radial * v_n
-            if inverse_depth is not None:
-                deepen_columns(inverse_depth[r], h, nearer, focal, half_width, g_x, g_y, column)
-            for e in range(dof):
-                pace = np.float32(speed[e] * offset) * share
+                parallax(q, focal, half_width, middle, far, middle_nearer)
+            turned_places(x, middle, y, half_width, u, v, inverse_depth, r, middle_nearer)
+            row_v = (
+                (middle[4] * y + middle[5]) / (middle[7] * y + middle[8]) - middle[5] / middle[8]
+            ) / half_width
+            for k in range(count):
+                offset = instant_offset(k, count)
+                j, fraction = instant(
+                    times[r] + offset * exposure, control, first_time, knot_rows, b, q
+                )
+                basis_slope(fraction, slopes)
+                for e in range(6):
+                    speed[e] = (
+                        slopes[0] * control[j, e]
+                        + slopes[1] * control[j + 1, e]
+                        + slopes[2] * control[j + 2, e]
+                        + slopes[3] * control[j + 3, e]
+                    ) / knot_rows
+                homography(q, focal, half_width, 1.0, h)
+                if inverse_depth is not None:
+                    parallax(q, focal, half_width, h, far, nearer)
+                place_row(
+                    half_rows, half_columns, x, h, y, level, center, at, f_u, f_v, inside,
+                    inverse_depth, r, nearer,
+                )
+                read_row(fine, half_columns, at, f_u, f_v, value, g_x, g_y)
+                add_values(softer, half_columns, at, f_u, f_v, share, mean_soft)
                 for p in range(points):
-                    stretch[p] += pace * column[e, p]
-            for n in range(4):
-                part = np.float32(b[n]) * share
-                to = (j + n - knot0) * dof
-                for e in range(dof):
-                    for p in range(points):
-                        jacobian[to + e, p] += part * column[e, p]
-        y_n = np.float32(((rows[r] + 0.5) * level - 0.5 - center[1]) / half_width)
-        for p in range(points):
-            mean[p] += np.float32(softened) * mean_soft[p]
-        judge_row(
-            columns[r], values[r], mean, y_n, level, center, half_width, light, gamma, gain, slope,
-            residuals[r],
-        )
-        for p in range(points):
-            edges[r, p] = (mean_x[p] ** 2 + mean_y[p] ** 2) * (gain[p] * slope[p]) ** 2
-        weigh_row(residuals[r], edges[r], inside, sigma, misplaced, tukey, weight)
-        finish_row(
-            columns[r], mean, mean_soft, stretch, y_n, level, center, half_width, gain, slope,
-            active, jacobian,
-        )
-        add_row(
-            jacobian, weight, residuals[r], inside, active, knot0 * dof, extra, weighted, normal,
-            gradient,
-        )
+                    mean[p] += value[p] * share
+                for n in range(4):
+                    part = np.float32(b[n]) * share * scale
+                    to = knot_g[j + n - knot0]
+                    for p in range(2 * points):
+                        to[p] += part * g[p]
+                pace = offset / count * 2.0 / level
+                if inverse_depth is None:
+                    add_stretch(speed, pace, u, v, row_v, g_x, g_y, stretch)
+                else:
+                    move_columns(g_x, g_y, u, v, column)
+                    deepen_columns(
+                        inverse_depth[r], h, nearer, focal, half_width, g_x, g_y, column
+                    )
+                    for e in range(dof):
+                        part = np.float32(pace * speed[e])
+                        for p in range(points):
+                            stretch[p] += part * column[e, p]
+            y_n = np.float32(y / half_width)
+            for p in range(points):
+                mean[p] += np.float32(softened) * mean_soft[p]
+            judge_row(
+                x, values[r], mean, y_n, half_width, light, tones, gamma, gain, slope, residuals[r]
+            )
+            # spline weights sum to 1: the knots' parts add up to the gradient of the row
+            g[:] = 0.0
+            for n in range(touched):
+                for p in range(2 * points):
+                    g[p] += knot_g[n, p]
+            for p in range(points):
+                bright = gain[p] * slope[p]
+                edges[r, p] = (g_x[p] * g_x[p] + g_y[p] * g_y[p]) * (bright * bright)
+            weigh_row(residuals[r], edges[r], inside, sigma, misplaced, tukey, weight)
+            light_rows(x, mean, mean_soft, stretch, y_n, half_width, gain, slope, jacobian)
+            for p in range(points):
+                slope[p] *= gain[p]
+            for n in range(touched):
+                for p in range(points):
+                    g_x[p] = knot_g[n, p] * slope[p]
+                    g_y[p] = knot_g[n, points + p] * slope[p]
+                # all six, of which those beyond `dof` are overwritten by the next knot's
+                to_jacobian = jacobian[AHEAD + n * dof : AHEAD + n * dof + 6]
+                move_columns(g_x, g_y, u, v, to_jacobian)
+                if inverse_depth is not None:
+                    deepen_columns(
+                        inverse_depth[r], middle, middle_nearer, focal, half_width, g_x, g_y,
+                        to_jacobian,
+                    )
+            unknowns = AHEAD + touched * dof
+            jacobian[unknowns : unknowns + SPARE] = 0.0
+            for p in range(points):
+                slope[p] = np.float32(math.sqrt(weight[p]))
+                weight[p] *= residuals[r, p]
+            for m in range(unknowns + SPARE):
+                for p in range(points):
+                    weighted[m, p] = jacobian[m, p] * slope[p]
+            base = (knot0 - begins[chunk]) * dof
+            add_products(weighted, unknowns, base, normal[chunk])
+            add_gradient(jacobian, unknowns, weight, base, gradient[chunk])
+            mark_outside(inside, residuals[r])
 
 
 @njit(**OPTIONS)
 def correct(
-    first, last, fine, softer, half_rows, half_columns, rows, times, samples, columns, values,
-    inverse_depth, control, first_time, knot_rows, exposure, softened, focal, center, level, dof,
-    light, gamma, sigma, misplaced, tukey, gradient, residuals, jacobians, knots_of, edges,
+    first, last, bounds, fine, softer, half_rows, half_columns, rows, times, samples, places,
+    values, inverse_depth, control, first_time, knot_rows, exposure, softened, focal, center, level,
+    dof, light, tones, gamma, sigma, misplaced, tukey, begins, normal, gradient, residuals,
+    jacobians, knots_of, edges, soft,
 ):
-    """Write residuals and their gradient on the Jacobians of the last `linearise`."""
-    points = columns.shape[1]
-    extra = control.shape[0] * dof
+    """
+    Write residuals and their gradient on the Jacobians of the last `linearise`.
+
+    Little defocus is taken from there, too: it changes less between here and there than it is.
+    """
+    points = places.shape[1]
     half_width = center[0] + 0.5
+    much = abs(softened) > MUCH_SOFTER
     at = np.empty(points, np.uint32)
     f_u = np.empty(points, np.float32)
     f_v = np.empty(points, np.float32)
-    u = np.empty(points, np.float32)
-    v = np.empty(points, np.float32)
     mean = np.empty(points, np.float32)
     inside = np.empty(points, np.float32)
     weight = np.empty(points, np.float32)
@@ -177,44 +227,41 @@ def correct(
     slope = np.empty(points, np.float32)
     h = np.empty(9)
     far = np.empty(9)
-    nearer = np.empty(3)
+    nearer = np.zeros(3)
     q = np.zeros(6)
     b = np.empty(4)
-    for r in range(first, last):
-        count = samples[r]
-        share = np.float32(1.0 / count)
-        for p in range(points):
-            mean[p] = 0.0
-            inside[p] = 1.0 if values[r, p] >= 0.0 else 0.0
-        for k in range(count):
-            offset = instant_offset(k, count)
-            instant(times[r] + offset * exposure, control, first_time, knot_rows, b, q)
-            homography(q, focal, half_width, 1.0, h)
-            if inverse_depth is not None:
-                parallax(q, focal, half_width, h, far, nearer)
-            place_row(
-                half_rows, half_columns, columns[r], h, rows[r], level, center, at, f_u, f_v, u,
-                v, inside, inverse_depth, r, nearer,
-            )
-            add_values(fine, half_columns, at, f_u, f_v, share, mean)
-            if softened != 0.0:
-                add_values(
-                    softer, half_columns, at, f_u, f_v, np.float32(softened) * share, mean
-                )
-        y_n = np.float32(((rows[r] + 0.5) * level - 0.5 - center[1]) / half_width)
-        judge_row(
-            columns[r], values[r], mean, y_n, level, center, half_width, light, gamma, gain, slope,
-            residuals[r],
-        )
-        weigh_row(residuals[r], edges[r], inside, sigma, misplaced, tukey, weight)
-        active = knots_of[r, 1]
-        base = knots_of[r, 0] * dof
-        jacobian = jacobians[r]
-        for p in range(points):
-            weight[p] *= residuals[r, p]
-        for m in range(active + EXTRA):
-            total = np.float32(0.0)
+    for chunk in range(first, last):
+        gradient[chunk] = 0.0
+        for r in range(bounds[chunk], bounds[chunk + 1]):
+            count = samples[r]
+            share = np.float32(1.0 / count)
             for p in range(points):
-                total += weight[p] * jacobian[m, p]
-            gradient[base + m if m < active else extra + m - active] += total
-        mark_outside(inside, residuals[r])
+                mean[p] = np.float32(0.0) if much else np.float32(softened) * soft[r, p]
+                inside[p] = 1.0 if values[r, p] >= 0.0 else 0.0
+            y = (rows[r] + 0.5) * level - 0.5 - center[1]
+            for k in range(count):
+                offset = instant_offset(k, count)
+                instant(times[r] + offset * exposure, control, first_time, knot_rows, b, q)
+                homography(q, focal, half_width, 1.0, h)
+                if inverse_depth is not None:
+                    parallax(q, focal, half_width, h, far, nearer)
+                place_row(
+                    half_rows, half_columns, places[r], h, y, level, center, at, f_u, f_v, inside,
+                    inverse_depth, r, nearer,
+                )
+                add_values(fine, half_columns, at, f_u, f_v, share, mean)
+                if much:
+                    add_values(
+                        softer, half_columns, at, f_u, f_v, np.float32(softened) * share, mean
+                    )
+            y_n = np.float32(y / half_width)
+            judge_row(
+                places[r], values[r], mean, y_n, half_width, light, tones, gamma, gain, slope,
+                residuals[r],
+            )
+            weigh_row(residuals[r], edges[r], inside, sigma, misplaced, tukey, weight)
+            for p in range(points):
+                weight[p] *= residuals[r, p]
+            base = (knots_of[r, 0] - begins[chunk]) * dof
+            add_gradient(jacobians[r], AHEAD + knots_of[r, 1], weight, base, gradient[chunk])
+            mark_outside(inside, residuals[r])

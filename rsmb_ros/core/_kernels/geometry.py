@@ -58,6 +58,37 @@ def instant(time, control, first_time, knot_rows, b, q):
     return j, fraction
 
 
+@njit(**OPTIONS)
+def corner_runs(row_times, exposure, control, first_time, knot_rows, step, places, runs):
+    """
+    Write how far a corner of the frame moves during each row's exposure (M,) [px].
+
+    A corner moves by the centre's motion plus what rotation, zoom and tilt add at its radius. The
+    path is followed in steps of `step` rows; `places` (n,) is room for its length at them.
+    """
+    begin = -0.5 * exposure
+    b = np.empty(4)
+    last = np.empty(6)
+    q = np.empty(6)
+    instant(begin, control, first_time, knot_rows, b, last)
+    places[0] = 0.0
+    for n in range(1, places.size):
+        instant(begin + n * step, control, first_time, knot_rows, b, q)
+        turn = 0.0
+        for e in range(2, 6):
+            turn += abs(q[e] - last[e])
+        places[n] = places[n - 1] + math.hypot(q[0] - last[0], q[1] - last[1]) + 0.7 * turn
+        for e in range(6):
+            last[e] = q[e]
+    for r in range(row_times.size):
+        at = (row_times[r] - 0.5 * exposure - begin) / step
+        k = min(max(int(at), 0), places.size - 2)
+        start = places[k] + (at - k) * (places[k + 1] - places[k])
+        at = (row_times[r] + 0.5 * exposure - begin) / step
+        k = min(max(int(at), 0), places.size - 2)
+        runs[r] = places[k] + (at - k) * (places[k + 1] - places[k]) - start
+
+
 @njit(inline='always', **OPTIONS)
 def instant_offset(k, count):
     """

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rsmb_ros.core.arrow import EXTRA
 from rsmb_ros.core.motion import CameraPath
-from rsmb_ros.core.normal_equations import EXTRA, POINT_STEP
+from rsmb_ros.core.normal_equations import POINT_STEP
 from rsmb_ros.core.path_estimator import level_count
 from rsmb_ros.core.points import select_points
 from rsmb_ros.core.render import STEP_PX

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rsmb_ros.core.arrow import EXTRA
 from rsmb_ros.core.motion import Grid, still_path
-from rsmb_ros.core.normal_equations import EXTRA
 from rsmb_ros.core.points import select_points
 from rsmb_ros.evaluation.speed.floor import (
     POINT,

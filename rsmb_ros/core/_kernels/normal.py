@@ -1,0 +1,232 @@
+"""
+The sparse normal equations of a path: put together, given beliefs, solved.
+
+A control point shares exposures only with its neighbours, all of them with the extras. The matrix
+is an arrow: `band` (D, W) holds N[j + d, j] at [j, d] for the D path unknowns, `border` (D, AHEAD)
+the extras' products with them, `corner` (AHEAD, AHEAD) those of the extras, lower triangle.
+Vectors (D + AHEAD,) hold the path first.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from .fit_row import AHEAD, EXTRA
+from .geometry import OPTIONS
+
+
+@njit(**OPTIONS)
+def assemble(begins, dof, normals, band, border, corner):
+    """Write the sum of chunks' normal equations (C, S, S) into an arrow, chunk after chunk."""
+    unknowns, width = band.shape
+    band[:] = 0.0
+    border[:] = 0.0
+    corner[:] = 0.0
+    for chunk in range(begins.size):
+        base = begins[chunk] * dof
+        normal = normals[chunk]
+        for x in range(AHEAD):
+            for y in range(x + 1):
+                corner[x, y] += normal[x, y]
+        size = min(unknowns - base, normal.shape[0] - AHEAD)
+        for i in range(size):
+            row = normal[AHEAD + i]
+            for x in range(AHEAD):
+                border[base + i, x] += row[x]
+            for d in range(min(i + 1, width)):
+                band[base + i - d, d] += row[AHEAD + i - d]
+
+
+@njit(**OPTIONS)
+def assemble_gradient(begins, dof, gradients, out):
+    """Write the sum of chunks' gradients (C, S) into a vector (D + AHEAD,)."""
+    unknowns = out.size - AHEAD
+    out[:] = 0.0
+    for chunk in range(begins.size):
+        base = begins[chunk] * dof
+        for x in range(AHEAD):
+            out[unknowns + x] += gradients[chunk, x]
+        for i in range(min(unknowns - base, gradients.shape[1] - AHEAD)):
+            out[base + i] += gradients[chunk, AHEAD + i]
+
+
+@njit(**OPTIONS)
+def believe(
+    bands, ridge, stiffness, damping, control, fixed, trust, pull, band, border, corner, gradient
+):
+    """
+    Add what is believed to an arrow and its gradient.
+
+    `bands` (knots, 3, dof) is a penalty between a knot and itself, the next, and the one after it,
+    in units of the mean curvature times `stiffness`; `ridge` (dof,) one on each control point. The
+    exposure is held by `trust`, and pulled by `pull`. Extras that are `fixed` (AHEAD,) drop out.
+    """
+    knots, _, dof = bands.shape
+    unknowns = band.shape[0]
+    curvature = 0.0
+    for j in range(unknowns):
+        curvature += band[j, 0]
+    curvature = curvature / unknowns + 1e-9
+    scale = curvature * stiffness
+    for k in range(knots):
+        for e in range(dof):
+            j = k * dof + e
+            band[j, 0] += scale * bands[k, 0, e] + ridge[e]
+            gradient[j] -= (scale * bands[k, 0, e] + ridge[e]) * control[k, e]
+            for ahead in range(1, min(3, knots - k)):
+                weight = scale * bands[k, ahead, e]
+                band[j, ahead * dof] += weight
+                gradient[j] -= weight * control[k + ahead, e]
+                gradient[j + ahead * dof] -= weight * control[k, e]
+            # damping keeps knots without data in place; it does not bias the solution
+            band[j, 0] += damping * curvature + 1e-9
+    for x in range(AHEAD):
+        corner[x, x] += 1e-6 * corner[x, x] + 1e-6
+    corner[5, 5] += trust
+    gradient[unknowns + 5] += pull
+    for x in range(AHEAD):
+        if fixed[x]:
+            for j in range(unknowns):
+                border[j, x] = 0.0
+            for y in range(AHEAD):
+                corner[max(x, y), min(x, y)] = 0.0
+            corner[x, x] = 1.0
+            gradient[unknowns + x] = 0.0
+
+
+@njit(**OPTIONS)
+def factorise(band, border, corner):
+    """Replace an arrow by its Cholesky factor; return whether it is positive definite."""
+    unknowns, width = band.shape
+    for j in range(unknowns):
+        if not band[j, 0] > 0.0:
+            return False
+        inverse = 1.0 / math.sqrt(band[j, 0])
+        reach = min(width, unknowns - j)
+        for d in range(reach):
+            band[j, d] *= inverse
+        for x in range(AHEAD):
+            border[j, x] *= inverse
+        for d in range(1, reach):
+            factor = band[j, d]
+            for k in range(reach - d):
+                band[j + d, k] -= factor * band[j, d + k]
+            for x in range(AHEAD):
+                border[j + d, x] -= factor * border[j, x]
+        for x in range(AHEAD):
+            for y in range(x + 1):
+                corner[x, y] -= border[j, x] * border[j, y]
+    for y in range(AHEAD):
+        if not corner[y, y] > 0.0:
+            return False
+        corner[y, y] = math.sqrt(corner[y, y])
+        for x in range(y + 1, AHEAD):
+            corner[x, y] /= corner[y, y]
+        for x in range(y + 1, AHEAD):
+            for z in range(y + 1, x + 1):
+                corner[x, z] -= corner[x, y] * corner[z, y]
+    return True
+
+
+@njit(**OPTIONS)
+def substitute(band, border, corner, vector):
+    """Replace a vector by the solution of an arrow that is factorised."""
+    unknowns, width = band.shape
+    for j in range(unknowns):
+        vector[j] /= band[j, 0]
+        for d in range(1, min(width, unknowns - j)):
+            vector[j + d] -= band[j, d] * vector[j]
+        for x in range(AHEAD):
+            vector[unknowns + x] -= border[j, x] * vector[j]
+    for y in range(AHEAD):
+        vector[unknowns + y] /= corner[y, y]
+        for x in range(y + 1, AHEAD):
+            vector[unknowns + x] -= corner[x, y] * vector[unknowns + y]
+    for y in range(AHEAD - 1, -1, -1):
+        for x in range(y + 1, AHEAD):
+            vector[unknowns + y] -= corner[x, y] * vector[unknowns + x]
+        vector[unknowns + y] /= corner[y, y]
+    for j in range(unknowns - 1, -1, -1):
+        total = vector[j]
+        for x in range(AHEAD):
+            total -= border[j, x] * vector[unknowns + x]
+        for d in range(1, min(width, unknowns - j)):
+            total -= band[j, d] * vector[j + d]
+        vector[j] = total / band[j, 0]
+
+
+@njit(**OPTIONS)
+def written_out(band, border, corner, out):
+    """Write an arrow as a lower triangle (D + EXTRA, D + EXTRA)."""
+    unknowns, width = band.shape
+    for j in range(unknowns):
+        for d in range(min(width, unknowns - j)):
+            out[j + d, j] = band[j, d]
+        for x in range(EXTRA):
+            out[unknowns + x, j] = border[j, x]
+    for x in range(EXTRA):
+        for y in range(x + 1):
+            out[unknowns + x, unknowns + y] = corner[x, y]
+
+
+@njit(**OPTIONS)
+def row_steps(step, dof, times, first_time, knot_rows, knots, reach, seen):
+    """Return how far a step moves the rows that are `seen`, mean square [px^2]."""
+    total = 0.0
+    count = 0
+    for r in range(times.size):
+        if not seen[r]:
+            continue
+        count += 1
+        place = min(max((times[r] - first_time) / knot_rows, 0.0), knots - 3.000001)
+        j = int(place)
+        u = place - j
+        w = 1.0 - u
+        b0 = w * w * w / 6.0
+        b1 = (3.0 * u * u * u - 6.0 * u * u + 4.0) / 6.0
+        b2 = (-3.0 * u * u * u + 3.0 * u * u + 3.0 * u + 1.0) / 6.0
+        b3 = u * u * u / 6.0
+        for e in range(dof):
+            at = j * dof + e
+            moved = (
+                b0 * step[at] + b1 * step[at + dof] + b2 * step[at + 2 * dof]
+                + b3 * step[at + 3 * dof]
+            )
+            total += reach[e] * moved * moved
+    return total / max(count, 1)
+
+
+@njit(**OPTIONS)
+def spread(residuals, none, limit, least_seen, bins, per_level, seen):
+    """
+    Return the median of |residuals| (R, P), their mean cut off at `limit`, and the share that is.
+
+    Residuals above `none` are none. `bins` (n,) is room to count in, `per_level` bins a grey level;
+    `seen` (R,) gets whether more than a share `least_seen` of a row's points are.
+    """
+    bins[:] = 0
+    last = bins.size - 1
+    count = 0
+    total = 0.0
+    for r in range(residuals.shape[0]):
+        known = 0
+        for p in range(residuals.shape[1]):
+            size = abs(residuals[r, p])
+            if size < none:
+                known += 1
+                bins[min(int(size * per_level), last)] += 1
+                total += min(size, limit)
+        seen[r] = known > least_seen * residuals.shape[1]
+        count += known
+    if count == 0:
+        return 0.0, 0.0, 0.0
+    half = 0.5 * count
+    below = 0
+    k = 0
+    while below + bins[k] < half:
+        below += bins[k]
+        k += 1
+    median = (k + (half - below) / bins[k]) / per_level
+    return median, total / count, count / residuals.size
