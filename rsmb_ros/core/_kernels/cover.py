@@ -115,7 +115,8 @@ def watch_cover(
                     v_x = 0.5 * v + s_v * (x - begin) - cover_top
                     i = math.floor(v_x)
                     j = math.floor(u_x)
-                    run = min(end - x, cells(u_x - j, s_u - 1.0), cells(v_x - i, s_v))
+                    in_cell = min(cells(u_x - j, s_u - 1.0), cells(v_x - i, s_v), 1e6)
+                    run = min(end - x, int(in_cell) + 1)
                     before = run if i < 0 or i >= rows else min(run, max(0, -j))
                     inside = max(0, min(run, columns - j) - before)
                     clear(low, to + x, before)

@@ -8,9 +8,10 @@ import numpy as np
 from numba import njit
 
 from .geometry import INLINED, OPTIONS, homography, instant_offset
-from .render import BENT, add_run, half_place, pose_at
+from .render import add_instant, keep_complete, pose_at
 
 MOST_INSTANTS = 96
+ONE_COLOUR = np.zeros(0, np.float32)  # which pixel a value belongs to, where all are one's own
 POSE = 12  # numbers of a pose: H at infinite depth (9), and how its third column grows with 1/d
 
 
@@ -54,66 +55,16 @@ def blur_row(
     """
     lo = left
     hi = right
-    for x in range(right - left):
-        out[x] = 0.0
     share = np.float32(1.0 / count)
+    out[: right - left] = 0.0
     for k in range(count):
         pose_between(poses, place + instant_offset(k, count) * extent, inverse_depth, h)
-        a0 = 2.0 * (h[1] * y + h[2])
-        b0 = 2.0 * (h[4] * y + h[5])
-        c0 = h[7] * y + h[8]
-        while lo < hi:
-            u, v = half_place(h, a0, b0, c0, lo, center)
-            if 0.0 <= u <= half_columns - 2.0 and 0.0 <= v <= half_rows - 2.0:
-                break
-            lo += 1
-        while lo < hi:
-            u, v = half_place(h, a0, b0, c0, hi - 1, center)
-            if 0.0 <= u <= half_columns - 2.0 and 0.0 <= v <= half_rows - 2.0:
-                break
-            hi -= 1
+        lo, hi = add_instant(
+            h, y, left, lo, hi, fine, half_rows, half_columns, 1, ONE_COLOUR, share, center, out, 0
+        )
         if lo >= hi:
-            return left, left
-        bend = 2.0 * abs(h[6]) + 1e-12
-        piece = max(2, int(min(math.sqrt(8.0 * BENT / bend), 1e5)))
-        begin = lo
-        u, v = half_place(h, a0, b0, c0, begin, center)
-        while begin < hi:
-            end = min(begin + piece, hi)
-            u_end, v_end = half_place(h, a0, b0, c0, end, center)
-            s_u = (u_end - u) / (end - begin) - 2.0
-            s_v = (v_end - v) / (end - begin)
-            u_steps = 1.0 / max(abs(s_u), 1e-6)
-            v_steps = 1.0 / max(abs(s_v), 1e-6)
-            x = begin
-            while x < end:
-                u_x = u + (s_u + 2.0) * (x - begin)
-                v_x = v + s_v * (x - begin)
-                iu = max(0, min(int(u_x), half_columns - 2))
-                iv = max(0, min(int(v_x), half_rows - 2))
-                f_u = u_x - iu
-                f_v = v_x - iv
-                # so long it stays in its rows of cells, and before their end
-                run = 1 + int(
-                    min(
-                        (1.0 - f_u if s_u > 0.0 else f_u) * u_steps,
-                        (1.0 - f_v if s_v > 0.0 else f_v) * v_steps,
-                    )
-                )
-                run = min(run, end - x, (half_columns - 2 - iu) // 2 + 1)
-                add_run(
-                    fine, iv * half_columns + iu, half_columns, f_u, s_u, f_v, s_v, share, out,
-                    x - left, run,
-                )
-                x += run
-            begin = end
-            u = u_end
-            v = v_end
-    for x in range(lo - left):
-        out[x] = 0.0
-    for x in range(hi - left, right - left):
-        out[x] = 0.0
-    return lo, hi
+            break
+    return keep_complete(lo, hi, left, right, 1, out, 0)
 
 
 @njit(**INLINED)

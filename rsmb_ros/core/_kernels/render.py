@@ -107,6 +107,93 @@ def inside_of(h, a0, b0, c0, x, center, u_limit, v_limit):
 
 
 @njit(**INLINED)
+def add_instant(
+    h, y, left, lo, hi, fine, half_rows, half_columns, colours, pixel, share, center, sums, to
+):
+    """
+    Add `share` of the reference, as homography `h` shows it in the row `y` from the centre.
+
+    Columns lo..hi of the row that begins at column `left`, into sums[to:], flat. Returns those of
+    them that lie in the reference; the sums of others are not complete. Places are parabolas over
+    pieces so short that they are off by `BENT` px at most. With one colour `fine` is a
+    `sampling.half_pixel` image, with several `sampling.side_by_side`.
+    """
+    u_limit = half_columns - 2.0
+    v_limit = half_rows - 2.0
+    columns = half_columns // 2
+    a0 = 2.0 * (h[1] * y + h[2])
+    b0 = 2.0 * (h[4] * y + h[5])
+    c0 = h[7] * y + h[8]
+    while lo < hi and not inside_of(h, a0, b0, c0, lo, center, u_limit, v_limit):
+        lo += 1
+    while lo < hi and not inside_of(h, a0, b0, c0, hi - 1, center, u_limit, v_limit):
+        hi -= 1
+    # a parabola is off by |third derivative| piece^3 / 125
+    piece = max(2, int(min((BENT * 125.0 / (6.0 * h[6] * h[6] + 1e-15)) ** (1.0 / 3.0), 1e5)))
+    begin = lo
+    u, v = half_place(h, a0, b0, c0, begin, center)
+    while begin < hi:
+        end = min(begin + piece, hi)
+        g = 0.5 * (end - begin)
+        u_mid, v_mid = half_place(h, a0, b0, c0, begin + g, center)
+        u_end, v_end = half_place(h, a0, b0, c0, end, center)
+        c_u = 0.5 * (u_end - 2.0 * u_mid + u) / (g * g)
+        c_v = 0.5 * (v_end - 2.0 * v_mid + v) / (g * g)
+        s_u = (u_mid - u) / g - c_u * g - 2.0
+        s_v = (v_mid - v) / g - c_v * g
+        # over so many pixels a parabola is so nearly straight that the slope between its ends
+        # tells where it leaves a cell
+        straight = min(math.sqrt(4.0 * STRAIGHT / (max(abs(c_u), abs(c_v)) + 1e-12)), 1e5) + 1.0
+        x = begin
+        while x < end:
+            d = x - begin
+            u_x = u + d * (s_u + 2.0 + d * c_u)
+            v_x = v + d * (s_v + d * c_v)
+            # the last sample of a row or column has no right neighbour: step back one
+            iu = max(0, min(int(u_x), half_columns - 2))
+            iv = max(0, min(int(v_x), half_rows - 2))
+            f_u = u_x - iu
+            f_v = v_x - iv
+            in_u = cells(f_u, s_u + c_u * (2.0 * d + straight))
+            in_v = cells(f_v, s_v + c_v * (2.0 * d + straight))
+            run = min(end - x, int(min(straight, in_u, in_v)) + 1)
+            # the run must end before its row of cells does
+            run = min(run, (half_columns - 2 - iu) // 2 + 1)
+            t_u = s_u + 2.0 * c_u * d
+            t_v = s_v + 2.0 * c_v * d
+            if colours == 1:
+                add_run(
+                    fine, iv * half_columns + iu, half_columns, f_u, t_u, c_u, f_v, t_v, c_v,
+                    share, sums, to + x - left, run,
+                )
+            else:
+                odd = iu & 1
+                own = iv * half_columns + odd * columns + (iu >> 1)
+                after = iv * half_columns + (1 - odd) * columns + ((iu + 1) >> 1)
+                add_colours(
+                    fine, own * colours, after * colours, half_columns * colours, pixel, f_u,
+                    t_u, c_u, f_v, t_v, c_v, share, sums, to + (x - left) * colours,
+                    run * colours,
+                )
+            x += run
+        begin = end
+        u = u_end
+        v = v_end
+    return lo, hi
+
+
+@njit(**INLINED)
+def keep_complete(lo, hi, left, right, colours, sums, to):
+    """Set what is not complete of a row's sums to 0; return its complete columns."""
+    if lo >= hi:
+        lo = left
+        hi = left
+    sums[to : to + (lo - left) * colours] = 0.0
+    sums[to + (hi - left) * colours : to + (right - left) * colours] = 0.0
+    return lo, hi
+
+
+@njit(**INLINED)
 def blur_row(
     i, left, right, fine, half_rows, half_columns, colours, pixel, time, count, control, first_time,
     knot_rows, exposure, focal, center, inverse_depth, q, h, sums, to,
@@ -115,87 +202,23 @@ def blur_row(
     Write the mean of the warped reference over the exposure of row `i` (Eq. 1) to sums[to:], flat.
 
     Columns left..right of the live frame. Returns between which the row is complete, outside it is
-    0. Places are parabolas over pieces so short that they are off by `BENT` px at most.
-    With one colour `fine` is a `sampling.half_pixel` image, with several `sampling.side_by_side`.
+    0. See `add_instant`.
     """
     half_width = center[0] + 0.5
-    u_limit = half_columns - 2.0
-    v_limit = half_rows - 2.0
-    columns = half_columns // 2
     share = np.float32(1.0 / count)
     lo = left
     hi = right
     sums[to : to + (right - left) * colours] = 0.0
-    y = i - center[1]
     for k in range(count):
         pose_at(time + instant_offset(k, count) * exposure, control, first_time, knot_rows, q)
         homography(q, focal, half_width, inverse_depth, h)
-        a0 = 2.0 * (h[1] * y + h[2])
-        b0 = 2.0 * (h[4] * y + h[5])
-        c0 = h[7] * y + h[8]
-        while lo < hi and not inside_of(h, a0, b0, c0, lo, center, u_limit, v_limit):
-            lo += 1
-        while lo < hi and not inside_of(h, a0, b0, c0, hi - 1, center, u_limit, v_limit):
-            hi -= 1
+        lo, hi = add_instant(
+            h, i - center[1], left, lo, hi, fine, half_rows, half_columns, colours, pixel, share,
+            center, sums, to,
+        )
         if lo >= hi:
             break
-        # a parabola is off by |third derivative| piece^3 / 125
-        piece = max(2, int(min((BENT * 125.0 / (6.0 * h[6] * h[6] + 1e-15)) ** (1.0 / 3.0), 1e5)))
-        begin = lo
-        u, v = half_place(h, a0, b0, c0, begin, center)
-        while begin < hi:
-            end = min(begin + piece, hi)
-            g = 0.5 * (end - begin)
-            u_mid, v_mid = half_place(h, a0, b0, c0, begin + g, center)
-            u_end, v_end = half_place(h, a0, b0, c0, end, center)
-            c_u = 0.5 * (u_end - 2.0 * u_mid + u) / (g * g)
-            c_v = 0.5 * (v_end - 2.0 * v_mid + v) / (g * g)
-            s_u = (u_mid - u) / g - c_u * g - 2.0
-            s_v = (v_mid - v) / g - c_v * g
-            # over so many pixels a parabola is so nearly straight that the slope between its ends
-            # tells where it leaves a cell
-            straight = min(math.sqrt(4.0 * STRAIGHT / (max(abs(c_u), abs(c_v)) + 1e-12)), 1e5) + 1.0
-            x = begin
-            while x < end:
-                d = x - begin
-                u_x = u + d * (s_u + 2.0 + d * c_u)
-                v_x = v + d * (s_v + d * c_v)
-                # the last sample of a row or column has no right neighbour: step back one
-                iu = max(0, min(int(u_x), half_columns - 2))
-                iv = max(0, min(int(v_x), half_rows - 2))
-                f_u = u_x - iu
-                f_v = v_x - iv
-                in_u = cells(f_u, s_u + c_u * (2.0 * d + straight))
-                in_v = cells(f_v, s_v + c_v * (2.0 * d + straight))
-                run = min(end - x, int(min(straight, in_u, in_v)) + 1)
-                # the run must end before its row of cells does
-                run = min(run, (half_columns - 2 - iu) // 2 + 1)
-                t_u = s_u + 2.0 * c_u * d
-                t_v = s_v + 2.0 * c_v * d
-                if colours == 1:
-                    add_run(
-                        fine, iv * half_columns + iu, half_columns, f_u, t_u, c_u, f_v, t_v, c_v,
-                        share, sums, to + x - left, run,
-                    )
-                else:
-                    odd = iu & 1
-                    own = iv * half_columns + odd * columns + (iu >> 1)
-                    after = iv * half_columns + (1 - odd) * columns + ((iu + 1) >> 1)
-                    add_colours(
-                        fine, own * colours, after * colours, half_columns * colours, pixel, f_u,
-                        t_u, c_u, f_v, t_v, c_v, share, sums, to + (x - left) * colours,
-                        run * colours,
-                    )
-                x += run
-            begin = end
-            u = u_end
-            v = v_end
-    if lo >= hi:
-        lo = left
-        hi = left
-    sums[to : to + (lo - left) * colours] = 0.0
-    sums[to + (hi - left) * colours : to + (right - left) * colours] = 0.0
-    return lo, hi
+    return keep_complete(lo, hi, left, right, colours, sums, to)
 
 
 @njit(**OPTIONS)
