@@ -69,6 +69,7 @@ setup(
             'ros-jazzy-rclpy[fastrtps]',
             'ros-jazzy-sensor-msgs',
             'ros-jazzy-std-msgs',
+            'ros-jazzy-std-srvs',
         ],
         'osqp': ['osqp>=1.0'],  # second solver of the row estimator
         # colcon runs pytest only if it is named here

@@ -15,7 +15,7 @@ from rsmb_ros.core.config import Config, flatten
 from rsmb_ros.core.errors import ConfigError, FileProblem
 
 # Parameters of the node that say nothing about the method.
-_NODE_ONLY = ('image_transport', 'use_sim_time', 'qos_overrides')
+_NODE_ONLY = ('image_transport', 'autostart', 'use_sim_time', 'qos_overrides')
 _NODE = 'rsmb'
 _PARAMETERS = 'ros__parameters'
 

@@ -98,7 +98,7 @@ class Playback:
 
     def wait_until_ready(self, timeout_s: float) -> None:
         """Wait until the node is compiled, hears us, and we hear every output of it."""
-        self._wait_until(lambda: self._process.said('kernels compiled'), 'kernels', timeout_s)
+        self._wait_until(lambda: self._process.said('ready: '), 'ready node', timeout_s)
         self._wait_until(lambda: bool(self._state), 'diagnostics')
         self._wait_until(
             lambda: all(p.get_subscription_count() for p in self._publish_to.values()),
@@ -194,7 +194,7 @@ class Playback:
 
     def _counts(self) -> dict[str, int]:
         """Return what became of the frames, the sum first."""
-        names = ('received', 'processed', 'dropped', 'failed', 'without reference')
+        names = ('received', 'processed', 'dropped')
         return {name: int(self._state[f'frames {name}']) for name in names}
 
     def _wait_until(

@@ -56,8 +56,8 @@ def _free_domain():
 class NodeProcess:
     """`rsmb_node` as users start it."""
 
-    def __init__(self, ros_args=(), **environment):
-        command = [sys.executable, '-m', 'rsmb_ros.ros.main', '--ros-args', *ros_args]
+    def __init__(self, ros_args=(), program=('-m', 'rsmb_ros.ros.main'), **environment):
+        command = [sys.executable, *program, '--ros-args', *ros_args]
         self.process = subprocess.Popen(
             command, env={**os.environ, **environment}, stderr=subprocess.PIPE, text=True
         )
@@ -109,8 +109,8 @@ def start_node(ros_environment):
     """Return a function that starts a node; all are gone when the module is done."""
     started = []
 
-    def start(ros_args=(), **environment):
-        started.append(NodeProcess(ros_args, **environment))
+    def start(ros_args=(), **options):
+        started.append(NodeProcess(ros_args, **options))
         return started[-1]
 
     yield start
@@ -193,6 +193,15 @@ class Peer:
         status = self.diagnostics[-1].status[0]
         values = {pair.key: pair.value for pair in status.values}
         return {'level': status.level[0], 'message': status.message, **values}
+
+    def call(self, kind, name, request, timeout_s=ANSWER_S):
+        """Call a service and return its answer."""
+        client = self.node.create_client(kind, name)
+        self.wait_until(client.service_is_ready, timeout_s, f'service {name}')
+        future = client.call_async(request)
+        self.wait_until(future.done, timeout_s, f'answer of {name}')
+        self.node.destroy_client(client)
+        return future.result()
 
     def wait_for_state(self, accept, timeout_s, what, repeat=None):
         """Return the first state from now on that `accept` takes."""

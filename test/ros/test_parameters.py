@@ -21,7 +21,11 @@ def in_yaml():
 
 
 def test_yaml_has_every_parameter_in_the_order_of_the_code_with_its_default(in_yaml):
-    assert list(in_yaml.items()) == [*Config().flat().items(), ('image_transport', 'raw')]
+    assert list(in_yaml.items()) == [
+        *Config().flat().items(),
+        ('image_transport', 'raw'),
+        ('autostart', True),
+    ]
 
 
 def test_yaml_explains_every_parameter_in_the_words_of_the_code():
@@ -50,7 +54,12 @@ REFUSED = {
         ['change.threshold_low', 'must be below change.threshold_high'],
     ),
     'transport': ('image_transport:=zip', ['image_transport', 'raw, compressed']),
-    'qos': ('qos_overrides./image.subscription.depth:=few', ['/image']),
+    'qos': ('qos_overrides./image.subscription.depth:=few', ['/image', "'few'", 'whole number']),
+    'qos of an output': (
+        'qos_overrides./rsmb/overlay.publisher.reliability:=good',
+        ['/rsmb/overlay', "'good'", 'reliable, best_effort'],
+    ),
+    'autostart': ('autostart:=maybe', ['autostart', 'true or false']),
 }
 
 
@@ -87,9 +96,9 @@ def test_shipped_yaml_and_whole_numbers_are_accepted(start_node):
 
 def test_descriptors_tell_meaning_unit_and_range():
     pytest.importorskip('rclpy', reason='rclpy is not installed')
-    from rsmb_ros.ros.parameters import IMAGE_TRANSPORT, describe
+    from rsmb_ros.ros.parameters import AUTOSTART, IMAGE_TRANSPORT, describe
 
-    described = {p.name: describe(p) for p in (*parameters(), IMAGE_TRANSPORT)}
+    described = {p.name: describe(p) for p in (*parameters(), IMAGE_TRANSPORT, AUTOSTART)}
     exposure = described['shutter.exposure_rows']
     assert '[0 to 5000 rows]' in exposure.description
     (bounds,) = exposure.floating_point_range
@@ -98,4 +107,5 @@ def test_descriptors_tell_meaning_unit_and_range():
     assert (limits.from_value, limits.to_value) == (1, 64)
     assert 'bottom_up' in described['shutter.readout'].additional_constraints
     assert described['image_transport'].read_only
+    assert described['autostart'].read_only
     assert not exposure.read_only
