@@ -155,9 +155,7 @@ def test_stamp_is_answered_once(rig):
     again = rig.peer.message(rig.scene.live, stamp_ns)
     before = count(now(rig), 'dropped: repeated stamp')
     state = rig.peer.wait_for_state(
-        lambda s: (
-            count(s, 'dropped: repeated stamp') > before + 2 and 'odd stamps' in s['message']
-        ),
+        lambda s: count(s, 'dropped: repeated stamp') > before + 2 and 'odd stamps' in s['message'],
         ANSWER_S,
         'repeated stamps counted',
         repeat=lambda: rig.peer.image.publish(again),

@@ -244,20 +244,6 @@ def test_reference_of_another_size_replaces_the_old_one(rig):
         rig.peer.give_reference(rig.scene.reference)
 
 
-def set_parameter(rig, name, value):
-    """Set one parameter through the service, as `ros2 param set` does."""
-    from rcl_interfaces.srv import SetParameters
-    from rclpy.parameter import Parameter
-
-    client = rig.peer.node.create_client(SetParameters, '/rsmb/set_parameters')
-    rig.peer.wait_until(client.service_is_ready, ANSWER_S, 'parameter service')
-    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
-    future = client.call_async(request)
-    rig.peer.wait_until(future.done, ANSWER_S, 'answer of the parameter service')
-    rig.peer.node.destroy_client(client)
-    return future.result().results[0]
-
-
 @pytest.mark.parametrize(
     ('name', 'value', 'says'),
     [
@@ -277,19 +263,19 @@ def set_parameter(rig, name, value):
     ],
 )
 def test_wrong_change_at_run_time_is_refused_with_the_reason(rig, name, value, says):
-    answer = set_parameter(rig, name, value)
+    answer = rig.peer.set_parameter(name, value)
     assert not answer.successful
     assert re.search(says, answer.reason), answer.reason
 
 
 @pytest.mark.parametrize('value', [33.0, 34])
 def test_change_at_run_time_takes_effect_on_the_next_frame(rig, value):
-    assert set_parameter(rig, 'shutter.exposure_rows', value).successful
+    assert rig.peer.set_parameter('shutter.exposure_rows', value).successful
     try:
         results = ask(rig, rig.scene.live, names=['regions_json'])
         assert json.loads(results['regions_json'].data)['exposure_rows'] == value
     finally:
-        assert set_parameter(rig, 'shutter.exposure_rows', 0.0).successful
+        assert rig.peer.set_parameter('shutter.exposure_rows', 0.0).successful
 
 
 def test_latched_reference_from_before_the_node_is_taken_once(start_node, start_peer, scene):
