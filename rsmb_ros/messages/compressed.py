@@ -8,14 +8,17 @@ import struct
 from .errors import MalformedMessage
 
 _JPEG, _PNG = b'\xff\xd8\xff', b'\x89PNG\r\n\x1a\n'
-_END_MARKERS = ((_JPEG, b'\xff\xd9', 'JPEG'), (_PNG, b'IEND', 'PNG'))
+_JPEG_END = b'\xff\xd9'
 
-_PNG_SIZE_AT = 16  # after signature, chunk length and the name IHDR
+# What stands before, or between, the pixels is bounded: a file of nothing else would hold up
+# the callback. Cameras write a dozen segments; libpng cuts pixels into chunks of 8 KiB.
+_MOST_SEGMENTS = 1000
+_MOST_CHUNKS = 1 << 16
+
 # Start-of-frame markers; those between are tables (C4, C8, CC).
 _START_OF_FRAME = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}
 _WITHOUT_LENGTH = {0x01, *range(0xD0, 0xD8)}
 _FILL = re.compile(b'\xff+')  # any number of them before a marker
-_MOST_SEGMENTS = 1000  # before the frame; cameras write a dozen, a hostile file could hold millions
 
 
 def pixels_claimed(data: bytes, text: str) -> tuple[int, int]:
@@ -32,14 +35,20 @@ def pixels_claimed(data: bytes, text: str) -> tuple[int, int]:
     Raises
     ------
     MalformedMessage
-        If it is neither JPEG nor PNG, or its header cannot be read.
+        If it is neither JPEG nor PNG, its header cannot be read, or it is cut off: decoders fill
+        the rest with grey, which would look like a change.
 
     """
-    size = None
     if data.startswith(_PNG):
-        size = _size_in_png(data)
+        kind, size, complete = 'PNG', _size_in_png(data), _is_complete_png(data)
     elif data.startswith(_JPEG):
-        size = _size_in_jpeg(data)
+        kind, size, complete = 'JPEG', _size_in_jpeg(data), _JPEG_END in data
+    else:
+        kind, size, complete = '', None, True
+    if kind and not complete:
+        raise MalformedMessage(
+            'short data', f'{kind} of format {text!r} is cut off: {len(data)} bytes without its end'
+        )
     if size is None or 0 in size:
         raise MalformedMessage(
             'undecodable',
@@ -48,21 +57,32 @@ def pixels_claimed(data: bytes, text: str) -> tuple[int, int]:
     return size
 
 
-def check_complete(data: bytes, text: str) -> None:
-    """Refuse a cut-off file: decoders fill the rest with grey, which would look like a change."""
-    for start, end, kind in _END_MARKERS:
-        if data.startswith(start) and end not in data:
-            raise MalformedMessage(
-                'short data',
-                f'{kind} of format {text!r} is cut off: {len(data)} bytes without its end marker',
-            )
-
-
 def _size_in_png(data: bytes) -> tuple[int, int] | None:
-    if len(data) < _PNG_SIZE_AT + 8 or data[12:16] != b'IHDR':
+    """Read the chunk IHDR, which must be the first one."""
+    start = len(_PNG)
+    if len(data) < start + 16 or data[start + 4 : start + 8] != b'IHDR':
         return None
-    cols, rows = struct.unpack_from('>II', data, _PNG_SIZE_AT)
+    cols, rows = struct.unpack_from('>II', data, start + 8)
     return rows, cols
+
+
+def _is_complete_png(data: bytes) -> bool:
+    """
+    Walk the chunks to the end of the picture.
+
+    Each must lie in the file: OpenCV allocates what a chunk's length says, up to 4 GiB, before it
+    notices.
+    """
+    at = len(_PNG)
+    for _ in range(_MOST_CHUNKS):
+        if len(data) < at + 12:
+            return False
+        (length,) = struct.unpack_from('>I', data, at)
+        name = data[at + 4 : at + 8]
+        at += 12 + length
+        if name == b'IEND':
+            return at <= len(data)
+    return False
 
 
 def _size_in_jpeg(data: bytes) -> tuple[int, int] | None:
