@@ -258,4 +258,9 @@ def depth_from_msg(msg: Any, max_megapixels: float = math.inf) -> np.ndarray:
     depth[~(np.isfinite(depth) & (depth > 0.0))] = np.nan
     if np.isnan(depth).all():
         raise MalformedMessage('no depth', f'no pixel of {depth.shape} has a depth above 0')
-    return depth / np.float32(np.nanmedian(depth))
+    metres = depth.astype(np.float64)  # a sum or quotient of two float32 may be none
+    relative = metres / np.float32(np.nanmedian(metres))
+    with np.errstate(over='ignore', under='ignore'):
+        depth = relative.astype(np.float32)
+    depth[~(np.isfinite(depth) & (depth > 0.0))] = np.nan
+    return depth
