@@ -86,6 +86,11 @@ class RsmbNode(LifecycleNode):
         worker = self._worker
         return worker is None or worker.stop(timeout_s)
 
+    def destroy_node(self) -> None:
+        """Leave the graph: rclpy 7.1 forgets the state machine, which would hold the node there."""
+        super().destroy_node()
+        self._state_machine.destroy_when_not_in_use()
+
     def report(self, error: Exception) -> None:
         """Tell of an exception in a callback."""
         if not self._stop_wanted:
@@ -195,6 +200,8 @@ class RsmbNode(LifecycleNode):
         if self._listening is not None:
             self._listening.destroy()
             self._listening = None
+        if self._reception is not None:
+            self._reception.next_is_reference = False
         if self._outputs is not None:
             self._outputs.close(INACTIVE)
         if self._worker is not None:

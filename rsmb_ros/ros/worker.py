@@ -123,11 +123,10 @@ class Worker(Generic[T, R]):
             self._dropped[cause] += 1
 
     def discard(self, cause: str) -> None:
-        """Forget the frame and the reference that wait."""
+        """Forget the frame that waits; a reference is never lost."""
         with self._wake:
             self._dropped[cause] += len(self._frames)
             self._frames.clear()
-            self._references.clear()
 
     def snapshot(self) -> Counts:
         """Return the counts at one moment."""

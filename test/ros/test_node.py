@@ -69,3 +69,22 @@ def test_focal_length_is_taken_from_camera_info(node, start_peer):
         'focal length',
         repeat=lambda: peer.camera_info.publish(msg),
     )
+
+
+def test_destroyed_node_is_gone_from_the_graph(ros_environment, start_peer):
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    from rsmb_ros.ros.node import RsmbNode
+
+    peer = start_peer(only=[])
+    rclpy.init(
+        args=['--ros-args', '-r', '__node:=mayfly'], signal_handler_options=SignalHandlerOptions.NO
+    )
+    node = RsmbNode()
+    try:
+        peer.wait_until(lambda: 'mayfly' in peer.node.get_node_names(), ANSWER_S, 'node')
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+    peer.wait_until(lambda: 'mayfly' not in peer.node.get_node_names(), ANSWER_S, 'empty graph')

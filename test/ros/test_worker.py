@@ -181,15 +181,15 @@ def test_counts_add_up_at_every_moment(desk):
     assert now == Counts(3, 0, {'malformed': 1}, waiting=2)
 
 
-def test_what_waits_can_be_discarded(desk):
+def test_frame_that_waits_can_be_discarded_and_a_reference_is_kept(desk):
     desk.hold_with(0)
     desk.worker.submit_frame(1)
     desk.worker.submit_reference('r')
     desk.worker.discard('not active')
-    desk.gate.set()
     desk.worker.submit_frame(2)
-    desk.wait_for(3)
-    assert desk.handled[1:] == [('frame', 0), ('frame', 2)]
+    desk.gate.set()
+    desk.wait_for(4)
+    assert desk.handled[1:] == [('frame', 0), ('reference', 'r'), ('frame', 2)]
     assert desk.worker.snapshot().dropped == {'not active': 1}
 
 
