@@ -69,10 +69,11 @@ setup(
             'ros-jazzy-rclpy[fastrtps]',
             'ros-jazzy-sensor-msgs',
             'ros-jazzy-std-msgs',
+            'ros-jazzy-std-srvs',
         ],
         'osqp': ['osqp>=1.0'],  # second solver of the row estimator
         # colcon runs pytest only if it is named here
-        'test': ['osqp>=1.0', 'pytest>=7.4', 'setuptools'],
+        'test': ['hypothesis>=6.80', 'osqp>=1.0', 'pytest>=7.4', 'setuptools'],
         # One minor version each, so that a new rule does not break an old commit.
         'dev': ['mypy~=2.4.0', 'ruff~=0.17.0', 'types-PyYAML'],
     },

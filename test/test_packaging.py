@@ -26,6 +26,7 @@ ROS = {
     'rclpy',
     'sensor_msgs',
     'std_msgs',
+    'std_srvs',
 }
 NO_WHEEL = {'launch', 'launch_ros'}
 WITH_RCLPY = {'rcl_interfaces'}

@@ -128,12 +128,12 @@ class Bag:
 
     def guess_reference(self) -> Topic:
         """Return the only image topic called ``reference/image`` or ``.../compressed``."""
-        found = [topic for topic in self._images() if _is_reference(topic)]
+        found = [topic for topic in self._images() if is_reference(topic)]
         return self._only(found, 'reference', 'give one with --reference TOPIC or --reference FILE')
 
     def guess_live(self, reference: str | None) -> Topic:
         """Return the only image topic beside the reference, of several the one named ``image``."""
-        others = [t for t in self._images() if t.name != reference and not _is_reference(t)]
+        others = [t for t in self._images() if t.name != reference and not is_reference(t)]
         named = [topic for topic in others if topic.plain_name.split('/')[-1] == 'image']
         return self._only(named or others, 'live image', 'give one with --topic NAME')
 
@@ -210,7 +210,7 @@ class Bag:
         return [c for c in self._reader.connections if c.topic in wanted]
 
     def _images(self) -> list[Topic]:
-        return [t for t in self.topics if t.is_image and t.count and not _is_truth(t)]
+        return [t for t in self.topics if t.is_image and t.count and not is_truth(t)]
 
     def _only(self, found: list[Topic], what: str, remedy: str) -> Topic:
         if len(found) == 1:
@@ -241,9 +241,11 @@ class Bag:
             ) from error
 
 
-def _is_reference(topic: Topic) -> bool:
+def is_reference(topic: Topic) -> bool:
+    """Return whether the topic is named as a reference."""
     return topic.plain_name.split('/')[-2:] == ['reference', 'image']
 
 
-def _is_truth(topic: Topic) -> bool:
+def is_truth(topic: Topic) -> bool:
+    """Return whether the topic holds truth, which is no input of a node."""
     return topic.name.lstrip('/').startswith('truth/')

@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import os
 import sys
 import tempfile
 import time
 from contextlib import ExitStack, closing
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import yaml
 
+from rsmb_ros.bags.pacing import paced
 from rsmb_ros.bags.reading import CAMERA_INFO, COMPRESSED, Bag
 from rsmb_ros.bags.writing import BagWriter
 from rsmb_ros.core import Config
-from rsmb_ros.core.errors import BagError, FileProblem, RsmbError
+from rsmb_ros.core.errors import BagError, FileProblem
 
 from .demo_report import print_tables, read_truth, write_pictures
 from .images import output_folder
 from .interrupt import Interrupt
-from .options import add_config_options, load_config
+from .options import add_config_options, frame_rate, load_config, require_ros
 
 if TYPE_CHECKING:
     from rsmb_ros.ros.playback import Answers, Playback
@@ -49,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='folder for demo.mcap, demo.html, demo.png and node.log (default: out)',
     )
     parser.add_argument(
-        '--rate', type=_rate, metavar='HZ', help='frames per second; default: as recorded'
+        '--rate', type=frame_rate, metavar='HZ', help='frames per second; default: as recorded'
     )
     add_config_options(parser)
 
@@ -57,11 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Play, record, score and show."""
     config = load_config(args)
-    if importlib.util.find_spec('rclpy') is None:
-        raise RsmbError(
-            'rclpy is not installed: source /opt/ros/jazzy/setup.bash '
-            'or pip install "rsmb_ros[ros]"'
-        )
+    require_ros()
     with Bag(args.bag or default_bag()) as bag:
         script = _Script(bag, args.rate)
         truth = read_truth(bag, script.live.name)
@@ -121,17 +116,14 @@ class _Script:
             playback.give_camera_info(info, time.time_ns())
         playback.give_reference(self._first_reference)
         topics = [self.live.name, *([self._info] if self._info else []), *self._types]
-        played, start_s, first_ns = 0, time.monotonic(), None
-        for recorded_ns, moment in groupby(self._bag.cdr(*topics), key=lambda stored: stored[1]):
-            first_ns = recorded_ns if first_ns is None else first_ns
-            offset = played / self._rate if self._rate else (recorded_ns - first_ns) * 1e-9
-            playback.spin_until(start_s + offset)
+        start_s = time.monotonic()
+        for moment in paced(self._bag.cdr(*topics), self.live.name, self._rate):
+            playback.spin_until(start_s + moment.offset_s)
             # one time for all: truth belongs to the frame that was recorded at its moment
             now_ns = time.time_ns()
-            for topic, _, data in moment:
+            for topic, data in moment.messages:
                 if topic == self.live.name:
                     playback.play(data, now_ns)
-                    played += 1
                 elif topic == self._info:
                     playback.give_camera_info(data, now_ns)
                 else:
@@ -167,11 +159,3 @@ def _node_arguments(config: Config, compressed: bool, scratch: Path) -> list[str
     file.write_text(yaml.safe_dump({'/**': {'ros__parameters': config.nested()}}))
     transport = 'compressed' if compressed else 'raw'
     return ['--params-file', str(file), '-p', f'image_transport:={transport}']
-
-
-def _rate(text: str) -> float:
-    """Return frames per second, for argparse."""
-    rate = float(text)
-    if not 0 < rate <= 1000:
-        raise argparse.ArgumentTypeError(f'{text} Hz must be above 0 and at most 1000')
-    return rate

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -12,10 +13,10 @@ from typing import Any
 import yaml
 
 from rsmb_ros.core.config import Config, flatten
-from rsmb_ros.core.errors import ConfigError, FileProblem
+from rsmb_ros.core.errors import ConfigError, FileProblem, RsmbError
 
 # Parameters of the node that say nothing about the method.
-_NODE_ONLY = ('image_transport', 'use_sim_time', 'qos_overrides')
+_NODE_ONLY = ('image_transport', 'autostart', 'use_sim_time', 'qos_overrides')
 _NODE = 'rsmb'
 _PARAMETERS = 'ros__parameters'
 
@@ -60,6 +61,23 @@ def frame_size(text: str) -> tuple[int, int]:
     if not (240 <= rows <= 4320 and 320 <= cols <= 7680):
         raise argparse.ArgumentTypeError(f'{text!r} must be COLSxROWS, 320x240 to 7680x4320')
     return rows, cols
+
+
+def frame_rate(text: str) -> float:
+    """Return frames per second, for argparse."""
+    rate = float(text)
+    if not 0 < rate <= 1000:
+        raise argparse.ArgumentTypeError(f'{text} Hz must be above 0 and at most 1000')
+    return rate
+
+
+def require_ros() -> None:
+    """Raise `RsmbError` where there is no rclpy."""
+    if importlib.util.find_spec('rclpy') is None:
+        raise RsmbError(
+            'rclpy is not installed: source /opt/ros/jazzy/setup.bash '
+            'or pip install "rsmb_ros[ros]"'
+        )
 
 
 def within(kind: type, low: float, high: float) -> Callable[[str], Any]:

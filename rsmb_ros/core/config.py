@@ -184,6 +184,12 @@ class WorkerConfig:
     """The thread that does the work."""
 
     threads: int = _number(2, 'threads', 1, 64, 'threads that share one frame; results are equal')
+    deadline_s: float = _number(
+        5.0, 's', 1e-3, 3600.0, 'a frame that takes longer is reported; the node goes on'
+    )
+    max_megapixels: float = _number(
+        50.0, 'Mpx', 0.01, 1000.0, 'larger images are refused, compressed ones before decoding'
+    )
 
 
 @dataclass(frozen=True)

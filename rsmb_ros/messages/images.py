@@ -2,16 +2,19 @@
 sensor_msgs/Image and CompressedImage to arrays the detector takes.
 
 Works on any object with the fields of the message: rclpy's and those of bag readers. Sizes are
-checked against the data before anything is allocated, so a lying header costs nothing.
+checked against the data, and those inside a compressed file against a limit, before anything is
+allocated: neither a lying header nor, given a limit, a decompression bomb costs anything.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
 
+from .compressed import pixels_claimed
 from .errors import MalformedMessage
 
 # Full scale to full scale: 65535 -> 255, rounded. A 12 bit camera that does not use the upper
@@ -29,6 +32,8 @@ class _Encoding(NamedTuple):
     tall: bool = False  # M / 2 more rows with the chroma follow the M rows (planar)
     least: int = 1  # rows and columns; OpenCV turns a smaller mosaic silently black
 
+
+_LEAST_MOSAIC = 3
 
 # ROS names a mosaic by its first two pixels, OpenCV's old names by the second pair of row two.
 _MOSAICS = {
@@ -49,7 +54,7 @@ _ENCODINGS = {
     'bgra8': _Encoding(4, code=cv2.COLOR_BGRA2BGR),
     'rgba8': _Encoding(4, code=cv2.COLOR_RGBA2BGR),
     **{
-        f'{name}{bits}': _Encoding(1, bits=bits, code=code, least=3)
+        f'{name}{bits}': _Encoding(1, bits=bits, code=code, least=_LEAST_MOSAIC)
         for bits in (8, 16)
         for name, code in _MOSAICS.items()
     },
@@ -62,20 +67,21 @@ KNOWN_ENCODINGS = tuple(_ENCODINGS)
 _DEPTH_ENCODINGS = {'32FC1': _Encoding(1, bits=32), '16UC1': _Encoding(1, bits=16)}
 
 
-def image_from_msg(msg: Any) -> np.ndarray:
+def check_image(msg: Any, max_megapixels: float = math.inf) -> None:
     """
-    Return the pixels of a sensor_msgs/Image.
+    Raise what `image_from_msg` would, without touching a pixel.
 
-    Returns
-    -------
-    ndarray of shape (M, N) or (M, N, 3), uint8, C-contiguous and writable
-        Grey or BGR. Shares the memory of ``msg.data`` where no conversion is needed. 16 bit
-        becomes 8 bit by full scale: 65535 -> 255.
+    Parameters
+    ----------
+    msg : sensor_msgs/Image
+    max_megapixels : float
+        Largest image that is taken [Mpx].
 
     Raises
     ------
     MalformedMessage
-        If the encoding is unknown, a size is zero, or `step` or the data is too short.
+        If the encoding is unknown, a size is zero or above the limit, or `step` or the data is
+        too short.
 
     """
     encoding = _ENCODINGS.get(msg.encoding)
@@ -83,32 +89,66 @@ def image_from_msg(msg: Any) -> np.ndarray:
         raise MalformedMessage(
             'encoding', f'encoding is {msg.encoding!r}, known: {", ".join(KNOWN_ENCODINGS)}'
         )
-    _check_layout(msg, encoding)
+    _check_layout(msg, encoding, max_megapixels)
+
+
+def image_from_msg(msg: Any, max_megapixels: float = math.inf) -> np.ndarray:
+    """
+    Return the pixels of a sensor_msgs/Image; parameters and exceptions are `check_image`'s.
+
+    Returns
+    -------
+    ndarray of shape (M, N) or (M, N, 3), uint8, C-contiguous and writable
+        Grey or BGR. Shares the memory of ``msg.data`` where no conversion is needed. 16 bit
+        becomes 8 bit by full scale: 65535 -> 255.
+
+    """
+    check_image(msg, max_megapixels)
+    encoding = _ENCODINGS[msg.encoding]
     return _to_grey_or_bgr(_values(msg, encoding), encoding.code)
 
 
-def image_from_compressed(msg: Any) -> np.ndarray:
+def check_compressed(msg: Any, max_megapixels: float = math.inf) -> None:
+    """
+    Raise what can be said against a sensor_msgs/CompressedImage without decoding it.
+
+    Parameters
+    ----------
+    msg : sensor_msgs/CompressedImage
+    max_megapixels : float
+        Largest image that is taken [Mpx].
+
+    Raises
+    ------
+    MalformedMessage
+        If the data is empty, cut off, neither JPEG nor PNG, or claims more pixels than allowed.
+
+    """
+    data = np.frombuffer(msg.data, np.uint8)
+    if not data.size:
+        raise MalformedMessage('short data', f'compressed image ({msg.format!r}) has no data')
+    rows, cols = pixels_claimed(data.tobytes(), msg.format)
+    _check_pixels(f'{msg.format!r} image', rows, cols, max_megapixels)
+
+
+def image_from_compressed(msg: Any, max_megapixels: float = math.inf) -> np.ndarray:
     """
     Return the pixels of a sensor_msgs/CompressedImage (JPEG or PNG).
+
+    Parameters and exceptions are `check_compressed`'s; what turns out not to be decodable raises
+    `MalformedMessage` as well.
 
     Returns
     -------
     ndarray of shape (M, N) or (M, N, 3), uint8
         Grey or BGR; in the sensor's orientation whatever EXIF says.
 
-    Raises
-    ------
-    MalformedMessage
-        If the data is empty, truncated or cannot be decoded.
-
     """
+    check_compressed(msg, max_megapixels)
     data = np.frombuffer(msg.data, np.uint8)
-    if not data.size:
-        raise MalformedMessage('short data', f'compressed image ({msg.format!r}) has no data')
-    _check_complete(data.tobytes(), msg.format)
     try:
         pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
-    except cv2.error:  # a header that claims more pixels than OpenCV accepts
+    except cv2.error:  # what the header's size did not tell
         pixels = None
     if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
         raise MalformedMessage(
@@ -116,10 +156,26 @@ def image_from_compressed(msg: Any) -> np.ndarray:
             f'{data.size} bytes of format {msg.format!r} cannot be decoded, '
             'must be a JPEG or PNG of 8 or 16 bit',
         )
-    return _to_grey_or_bgr(pixels, _code_of_decoded(pixels, msg.format))
+    code = _code_of_decoded(pixels, msg.format)
+    if code in _MOSAICS.values() and min(pixels.shape) < _LEAST_MOSAIC:
+        raise MalformedMessage(
+            'size',
+            f'{msg.format!r} image of {pixels.shape[0]} rows x {pixels.shape[1]} columns: both '
+            f'must be at least {_LEAST_MOSAIC}',
+        )
+    return _to_grey_or_bgr(pixels, code)
 
 
-def _check_layout(msg: Any, encoding: _Encoding) -> None:
+def _check_pixels(what: str, rows: int, cols: int, max_megapixels: float) -> None:
+    if rows * cols > max_megapixels * 1e6:
+        raise MalformedMessage(
+            'too large',
+            f'{what} of {rows} rows x {cols} columns: {rows * cols / 1e6:.1f} Mpx, '
+            f'worker.max_megapixels = {max_megapixels:g}',
+        )
+
+
+def _check_layout(msg: Any, encoding: _Encoding, max_megapixels: float) -> None:
     """Refuse sizes that do not fit together; nothing is allocated before this."""
     size = f'{msg.encoding} image of {msg.height} rows x {msg.width} columns'
     if min(msg.height, msg.width) < encoding.least:
@@ -137,6 +193,7 @@ def _check_layout(msg: Any, encoding: _Encoding) -> None:
             'short data',
             f'{size}, step {msg.step}: data has {len(msg.data)} bytes, must have {needed}',
         )
+    _check_pixels(f'{msg.encoding} image', msg.height, msg.width, max_megapixels)
 
 
 def _stored_rows(msg: Any, encoding: _Encoding) -> int:
@@ -174,7 +231,7 @@ def _code_of_decoded(pixels: np.ndarray, text: str) -> int | None:
     return source.code if source and text.startswith('bayer_') else None
 
 
-def depth_from_msg(msg: Any) -> np.ndarray:
+def depth_from_msg(msg: Any, max_megapixels: float = math.inf) -> np.ndarray:
     """
     Return the relative depth that a depth image tells (REP 118): 32FC1 [m] or 16UC1 [mm].
 
@@ -196,25 +253,14 @@ def depth_from_msg(msg: Any) -> np.ndarray:
     if encoding is None:
         known = ', '.join(_DEPTH_ENCODINGS)
         raise MalformedMessage('encoding', f'encoding is {msg.encoding!r}, of depth: {known}')
-    _check_layout(msg, encoding)
+    _check_layout(msg, encoding, max_megapixels)
     depth = _values(msg, encoding).astype(np.float32)
     depth[~(np.isfinite(depth) & (depth > 0.0))] = np.nan
     if np.isnan(depth).all():
         raise MalformedMessage('no depth', f'no pixel of {depth.shape} has a depth above 0')
-    return depth / np.float32(np.nanmedian(depth))
-
-
-_END_MARKERS: tuple[tuple[bytes, bytes, str], ...] = (
-    (b'\xff\xd8', b'\xff\xd9', 'JPEG'),
-    (b'\x89PNG', b'IEND', 'PNG'),
-)
-
-
-def _check_complete(data: bytes, text: str) -> None:
-    """Refuse a cut-off file: decoders fill the rest with grey, which would look like a change."""
-    for start, end, kind in _END_MARKERS:
-        if data.startswith(start) and end not in data:
-            raise MalformedMessage(
-                'short data',
-                f'{kind} of format {text!r} is cut off: {len(data)} bytes without its end marker',
-            )
+    metres = depth.astype(np.float64)  # a sum or quotient of two float32 may be none
+    relative = metres / np.float32(np.nanmedian(metres))
+    with np.errstate(over='ignore', under='ignore'):
+        depth = relative.astype(np.float32)
+    depth[~(np.isfinite(depth) & (depth > 0.0))] = np.nan
+    return depth

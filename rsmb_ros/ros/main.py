@@ -13,14 +13,18 @@ import signal
 import sys
 import threading
 import time
+from collections import deque
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rclpy.executors import Executor
+
     from .node import RsmbNode
 
 STOP_DEADLINE_S = 2.0  # `ros2 launch` kills after 5
 _POLL_S = 0.05
+_MOST_FAILURES = 10  # of callbacks in a second; then something is broken for good
 
 
 class _StopRequest:
@@ -100,17 +104,19 @@ def _run(node: RsmbNode, stop: _StopRequest) -> int:
 
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    spin = threading.Thread(target=executor.spin, name='rsmb_spin')
+    executor.create_task(node.start)  # transitions belong into the thread of their services
+    spin = threading.Thread(target=_spin, args=[executor, node], name='rsmb_spin')
     spin.start()
-    node.start()
-    while not stop.made and spin.is_alive():
+    while not stop.made and node.problem is None and spin.is_alive():
         time.sleep(_POLL_S)
-    worker_ended = node.stop(STOP_DEADLINE_S)
+    node.stop(STOP_DEADLINE_S)
     executor.shutdown()
     spin.join()
+    worker_ended = node.stop(0)  # again: a transition may have made another one meanwhile
+    problem = node.problem
     node.destroy_node()
     rclpy.try_shutdown()
-    code = 0 if stop.made else 1
+    code = _exit_code(stop, problem)
     if not worker_ended:
         # Compiling a kernel takes long and cannot be interrupted. Nothing of ROS is open any
         # more and numba's cache files appear whole or not at all, so leave the thread behind.
@@ -118,6 +124,31 @@ def _run(node: RsmbNode, stop: _StopRequest) -> int:
         sys.stderr.flush()
         os._exit(code)
     return code
+
+
+def _spin(executor: Executor, node: RsmbNode) -> None:
+    """Spin until shut down; one callback that raises does not end the node, a row of them does."""
+    failures: deque[float] = deque(maxlen=_MOST_FAILURES)
+    while len(failures) < _MOST_FAILURES or time.monotonic() - failures[0] > 1.0:
+        try:
+            return executor.spin()
+        except Exception as error:
+            failures.append(time.monotonic())
+            node.report(error)
+    return None
+
+
+def _exit_code(stop: _StopRequest, problem: Exception | None) -> int:
+    """Return 0 if asked to end, 2 if a setting was refused, 1 if the node broke."""
+    from rsmb_ros.core.errors import ConfigError
+
+    if stop.made:
+        return 0
+    if isinstance(problem, ConfigError):
+        return _refuse(str(problem))
+    if problem is not None:
+        print(f'rsmb_node: {problem}', file=sys.stderr)
+    return 1
 
 
 if __name__ == '__main__':

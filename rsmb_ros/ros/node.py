@@ -1,58 +1,42 @@
-"""The node: messages in, messages out; the work is done in the worker's thread."""
+"""The node: a managed one that takes itself to active; the work is done in the worker's thread."""
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import rclpy.parameter
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
-from std_msgs.msg import Float32MultiArray, Header, String
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from std_srvs.srv import SetBool, Trigger
 
-from rsmb_ros.core.config import Config
-from rsmb_ros.core.depth_map import checked_depth
-from rsmb_ros.core.errors import ConfigError, FrameError
-from rsmb_ros.core.types import Result
-from rsmb_ros.messages.errors import MalformedMessage
-from rsmb_ros.messages.images import depth_from_msg, image_from_compressed, image_from_msg
-from rsmb_ros.messages.outputs import IMAGE, OUTPUTS, ROWS, TEXT
-from rsmb_ros.messages.stamps import stamp_ns
+from rsmb_ros.core.errors import ConfigError, RsmbError
+from rsmb_ros.messages.camera_info import Intrinsics
 
 from . import parameters
-from .factory import RclpyFactory
-from .health import Health
-from .pairing import Pair, Pairing
+from .answering import Answering
+from .endpoints import publisher
+from .health import ACTIVE, Health, NodeState
+from .managed import answer_wrong_transitions, telling
+from .outputs import INACTIVE, Outputs
+from .pairing import Pair
 from .processing import Processing
-from .worker import Worker
+from .reception import LOG_EVERY_S, PAUSED, Frame, Reception
+from .subscriptions import Subscriptions, Topics
+from .worker import Counts, Worker
 
-_MESSAGE_CLASSES = {IMAGE: Image, ROWS: Float32MultiArray, TEXT: String}
-_LOG_EVERY_S = 5.0
 _DIAGNOSTICS_EVERY_S = 1.0
+_DONE, _REFUSED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
-@dataclass(frozen=True)
-class _Frame:
-    """A live image on its way to the worker."""
-
-    image: np.ndarray  # (M, N) or (M, N, 3) uint8 BGR
-    header: Header
-    stamp_ns: int
-    arrived_s: float  # time.monotonic
-
-
-class RsmbNode(Node):
+class RsmbNode(LifecycleNode):
     """
-    Node `rsmb`: see the README for its topics and parameters.
+    Node `rsmb`: see the README for its topics, states and parameters.
+
+    Configured, it has publishers, services, a worker and compiled kernels; active, subscriptions
+    too. Transitions run in the executor's thread.
 
     Raises
     ------
@@ -63,158 +47,226 @@ class RsmbNode(Node):
 
     def __init__(self) -> None:
         super().__init__('rsmb', automatically_declare_parameters_from_overrides=True)
-        config, transport = parameters.declare(self)
-        self._processing = Processing(config, log=self.get_logger().warning)
+        self._settings = parameters.declare(self)
+        self._compressed = self._settings.image_transport == 'compressed'
+        self._topics = Topics.of(self, self._compressed)
+        parameters.check_qos_overrides(self, {*self._topics, *Outputs.topics(self)})
+        self._processing = Processing(self._settings.config, log=self.get_logger().warning)
+        self._state = 'unconfigured'
+        self._paused = self._stop_wanted = False
         self._health = Health()
-        self._factory = RclpyFactory()
-        self._pairing = Pairing()
-        self._worker: Worker[_Frame, Pair] = Worker(
-            prepare=self._prepare,
-            on_reference=lambda pair: self._processing.set_reference(pair.image, pair.depth),
-            on_frame=self._process,
-            on_error=self._on_error,
-        )
-        self._create_outputs(config)
-        self._subscribe(compressed=transport == 'compressed')
+        self._worker: Worker[Frame, Pair] | None = None
+        self._outputs: Outputs | None = None
+        self._reception: Reception | None = None
+        self._listening: Subscriptions | None = None
+        self._services_made: list[Any] = []
+        self.problem: RsmbError | None = None  # why it could not start by itself
+        depth = self._settings.config.publish.queue_depth
+        self._diagnostics = publisher(self, DiagnosticArray, '/diagnostics', depth)
+        # of the node's own clock a jump back, or a pause of simulated time, would silence us
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_DIAGNOSTICS_EVERY_S, self._publish_diagnostics, clock=steady)
         self.add_post_set_parameters_callback(self._apply_parameters)
+        answer_wrong_transitions(self)
 
     def start(self) -> None:
-        """Start the worker and say what the node waits for."""
-        self._worker.start()
-        reference, _, image, _ = (s.topic_name for s in self._inputs)
-        self.get_logger().info(f'ready: waiting for a reference on {reference}, frames on {image}')
+        """Become active, if that is wanted; to be called in the executor's thread."""
+        if not self._settings.autostart:
+            self.get_logger().info('autostart is false: waiting to be configured')
+            return
+        for transition in (self.trigger_configure, self.trigger_activate):
+            if transition() != _DONE:
+                if not self._stop_wanted and self.problem is None:
+                    self.problem = RsmbError('the node could not start; its log says why')
+                return
 
     def stop(self, timeout_s: float) -> bool:
-        """Stop the worker; return whether it ended within the time."""
-        return self._worker.stop(timeout_s)
+        """Stop the worker, from any thread; return whether it ended within the time."""
+        self._stop_wanted = True
+        worker = self._worker
+        return worker is None or worker.stop(timeout_s)
 
-    # -- endpoints ---------------------------------------------------------------------------
+    def destroy_node(self) -> None:
+        """Leave the graph: rclpy 7.1 forgets the state machine, which would hold the node there."""
+        super().destroy_node()
+        self._state_machine.destroy_when_not_in_use()
 
-    def _create_outputs(self, config: Config) -> None:
-        depth = config.publish.queue_depth
-        self._outputs = [
-            (output, self._publisher(_MESSAGE_CLASSES[output.type], f'~/{output.name}', depth))
-            for output in OUTPUTS
-        ]
-        self._diagnostics = self._publisher(DiagnosticArray, '/diagnostics', depth)
-        self.create_timer(_DIAGNOSTICS_EVERY_S, self._publish_diagnostics)
+    def report(self, error: Exception) -> None:
+        """Tell of an exception in a callback."""
+        if not self._stop_wanted:
+            self._health.failed(error)
+            self.get_logger().error(
+                f'callback failed: {type(error).__name__}: {error}',
+                throttle_duration_sec=LOG_EVERY_S,
+            )
 
-    def _publisher(self, message_class: type, topic: str, depth: int) -> Any:
-        qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
-        overrides = QoSOverridingOptions.with_default_policies()
-        return _with_qos(
-            topic,
-            lambda: self.create_publisher(
-                message_class, topic, qos, qos_overriding_options=overrides
-            ),
-        )
+    # -- transitions -------------------------------------------------------------------------
 
-    def _subscribe(self, compressed: bool) -> None:
-        message_class, suffix = (CompressedImage, '/compressed') if compressed else (Image, '')
-        self._image_of = image_from_compressed if compressed else image_from_msg
-        # As image_transport does: a remap of `image` moves `image/compressed` too.
-        image = self.resolve_topic_name('image') + suffix
-        reference = self.resolve_topic_name('reference/image') + suffix
-        depth = self.resolve_topic_name('reference/depth')
-        # A volatile publisher matches only a volatile reader, and a latched image that was sent
-        # before we started reaches only a transient-local one.
-        self._subscription(message_class, reference, self._on_reference, 'latched')
-        self._subscription(Image, depth, self._on_depth, 'latched')
-        self._inputs = [
-            self._subscription(message_class, reference, self._on_reference, 'volatile'),
-            self._subscription(Image, depth, self._on_depth, 'volatile'),
-            self._subscription(message_class, image, self._on_image),
-            self._subscription(CameraInfo, 'camera_info', self._on_camera_info),
-        ]
-
-    def _subscription(
-        self,
-        message_class: type,
-        topic: str,
-        callback: Callable[[Any], None],
-        entity: str | None = None,
-    ) -> Any:
-        """Subscribe with sensor-data QoS, newest message only; or, named 'latched', latched."""
-        qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-        latched = entity == 'latched'
-        if latched:
-            qos.reliability = ReliabilityPolicy.RELIABLE
-            qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
-        # rclpy would warn of publishers the latched one cannot match; its volatile twin does.
-        events = SubscriptionEventCallbacks(use_default_callbacks=not latched)
-        overrides = QoSOverridingOptions.with_default_policies(entity_id=entity)
-        return _with_qos(
-            topic,
-            lambda: self.create_subscription(
-                message_class,
-                topic,
-                callback,
-                qos,
-                event_callbacks=events,
-                qos_overriding_options=overrides,
-            ),
-        )
-
-    # -- in: convert, hand over, return ------------------------------------------------------
-
-    def _on_image(self, msg: Any) -> None:
+    @telling
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Compile the kernels and make what active and inactive share."""
+        self._state = 'configuring'
         try:
-            frame = self._frame(msg)
-        except MalformedMessage as error:
-            self._health.malformed(error.cause)
-            self.get_logger().warning(f'image skipped: {error}', throttle_duration_sec=_LOG_EVERY_S)
-            return
-        self._health.frame_received()
-        self._worker.submit_frame(frame)
+            self._outputs = Outputs(self, self._settings.config.publish.queue_depth)
+        except ConfigError as error:
+            return self._give_up(error)
+        answering = Answering(
+            self._processing,
+            self._outputs,
+            self._health,
+            now_ns=self._now_ns,
+            unwanted=lambda: self._stop_wanted,
+            log=self.get_logger(),
+        )
+        self._worker = worker = Worker(
+            answering.prepare, answering.reference, answering.frame, answering.error
+        )
+        self._reception = Reception(
+            self._compressed,
+            worker,
+            self._health,
+            self._take_intrinsics,
+            max_megapixels=lambda: self._processing.config.worker.max_megapixels,
+            now_ns=self._now_ns,
+            log=self.get_logger(),
+        )
+        self._services_made = [
+            self.create_service(SetBool, '~/enable', self._on_enable),
+            self.create_service(Trigger, '~/set_reference', self._on_set_reference),
+        ]
+        self.get_logger().info('compiling kernels')
+        worker.start()
+        if not self._wait(worker.wait_prepared) or not worker.usable:
+            return self._give_up(None)
+        self._state = 'inactive'
+        return _DONE
 
-    def _on_reference(self, msg: Any) -> None:
+    @telling
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Subscribe."""
+        assert self._outputs and self._reception
         try:
-            frame = self._frame(msg)
-        except MalformedMessage as error:
-            self._health.malformed(error.cause)
+            self._listening = Subscriptions(self, self._topics, self._compressed, self._reception)
+        except ConfigError as error:
+            self.get_logger().error(str(error))
+            self.problem = error
+            return _REFUSED
+        self._state = ACTIVE
+        self._set_gate()
+        if self._topics.rectified:
             self.get_logger().warning(
-                f'reference skipped: {error}', throttle_duration_sec=_LOG_EVERY_S
+                f'{self._topics.image} is rectified by its name: its rows are no longer read at '
+                'one time each, which is what registration rests on; remap image to the '
+                'unrectified images'
             )
+        self.get_logger().info(
+            f'ready: waiting for a reference on {self._topics.reference}, '
+            f'frames on {self._topics.image}'
+        )
+        return _DONE
+
+    @telling
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Hear and say nothing any more; the reference is kept."""
+        self._silence()
+        self._state = 'inactive'
+        return _DONE
+
+    @telling
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget everything but parameters; compiled kernels stay compiled."""
+        return self._release('unconfigured')
+
+    @telling
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Come to rest for ever, from any state."""
+        return self._release('finalized')
+
+    @telling
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Go back to the beginning after an exception in a transition."""
+        return self._release('unconfigured')
+
+    def _give_up(self, error: ConfigError | None) -> TransitionCallbackReturn:
+        """Leave nothing of a configuration that failed."""
+        if error is not None:
+            self.get_logger().error(str(error))
+            self.problem = error
+        if not self._stop_wanted:
+            self._release('unconfigured')
+        return _REFUSED
+
+    def _silence(self) -> None:
+        if self._listening is not None:
+            self._listening.destroy()
+            self._listening = None
+        if self._reception is not None:
+            self._reception.next_is_reference = False
+        if self._outputs is not None:
+            self._outputs.close(INACTIVE)
+        if self._worker is not None:
+            self._worker.discard(INACTIVE)
+
+    def _release(self, state: str) -> TransitionCallbackReturn:
+        self._silence()
+        worker = self._worker
+        if worker is not None and not self._wait(worker.stop):
+            return _REFUSED
+        if self._outputs is not None:
+            self._outputs.destroy()
+        while self._services_made:
+            self.destroy_service(self._services_made.pop())
+        self._worker = self._outputs = self._reception = None
+        self._processing = Processing(self._processing.config, log=self.get_logger().warning)
+        self._health = Health()
+        self._state = state
+        return _DONE
+
+    def _wait(self, done: Callable[[float], bool]) -> bool:
+        """Wait for ``done(timeout_s)`` with diagnostics going on; False if the node is to stop."""
+        while not done(_DIAGNOSTICS_EVERY_S):
+            if self._stop_wanted:
+                return False
+            self._publish_diagnostics()
+        return not self._stop_wanted
+
+    # -- services and parameters -------------------------------------------------------------
+
+    def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._paused = not request.data
+        self._set_gate()
+        if self._paused and self._worker is not None:
+            self._worker.discard(PAUSED)
+        response.success = True
+        response.message = 'paused' if self._paused else 'enabled'
+        return response
+
+    def _on_set_reference(
+        self, request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        response.success = self._state == ACTIVE and self._reception is not None
+        response.message = f'not active: {self._state}'
+        if self._reception is not None and response.success:
+            self._reception.next_is_reference = True
+            response.message = f'the next frame on {self._topics.image} becomes the reference'
+        return response
+
+    def _set_gate(self) -> None:
+        """Let results out only where they are wanted."""
+        if self._reception is not None:
+            self._reception.paused = self._paused
+        if self._outputs is None or self._state != ACTIVE:
             return
-        # A latched publisher reaches both subscriptions, and some repeat their image for ever:
-        # an equal reference changes nothing.
-        pair = self._pairing.image(frame.image, frame.stamp_ns)
-        if pair is not None:
-            self._health.reference_received()
-            self._worker.submit_reference(pair)
-
-    def _on_depth(self, msg: Image) -> None:
-        try:
-            depth = depth_from_msg(msg)
-            pair = self._pairing.depth(
-                checked_depth(depth, depth.shape), stamp_ns(msg.header.stamp)
-            )
-        except FrameError as error:
-            self._health.malformed(getattr(error, 'cause', 'depth'))
-            self.get_logger().warning(f'depth skipped: {error}', throttle_duration_sec=_LOG_EVERY_S)
-            return
-        if pair is not None:
-            self._worker.submit_reference(pair)
-        elif waiting := self._pairing.waiting():
-            self.get_logger().info(
-                f'depth waits for its reference: {waiting}', throttle_duration_sec=_LOG_EVERY_S
-            )
-
-    def _frame(self, msg: Any) -> _Frame:
-        arrived_s = time.monotonic()
-        return _Frame(self._image_of(msg), msg.header, stamp_ns(msg.header.stamp), arrived_s)
-
-    def _on_camera_info(self, msg: CameraInfo) -> None:
-        focal_px = float(msg.k[0])
-        if math.isfinite(focal_px) and focal_px > 0:
-            self._processing.info_focal_px = focal_px
+        if self._paused:
+            self._outputs.close(PAUSED)
         else:
-            self.get_logger().warning(
-                f'camera_info ignored: k[0] = {focal_px} px, the focal length, must be above 0',
-                throttle_duration_sec=_LOG_EVERY_S,
-            )
+            self._outputs.open()
 
-    # -- parameters --------------------------------------------------------------------------
+    def _now_ns(self) -> int:
+        return self.get_clock().now().nanoseconds
+
+    def _take_intrinsics(self, intrinsics: Intrinsics) -> None:
+        self._processing.intrinsics = intrinsics
 
     def set_parameters(
         self, parameter_list: list[rclpy.parameter.Parameter]
@@ -233,46 +285,32 @@ class RsmbNode(Node):
         return super().set_parameters_atomically(parameter_list)
 
     def _apply_parameters(self, changes: list[rclpy.parameter.Parameter]) -> None:
-        self._processing.config = parameters.changed(self._processing.config, changes)
-
-    # -- in the worker's thread --------------------------------------------------------------
-
-    def _prepare(self) -> None:
-        start = time.monotonic()
-        self._processing.prepare()
-        self.get_logger().info(f'kernels compiled in {time.monotonic() - start:.1f} s')
-
-    def _process(self, frame: _Frame) -> bool:
-        result = self._processing.detect(frame.image, frame.stamp_ns or None)
-        if result is None:
-            return False
-        if not self._worker.stopping:
-            self._publish(result, frame)
-        return True
-
-    def _publish(self, result: Result, frame: _Frame) -> None:
-        for output, publisher in self._outputs:
-            if publisher.get_subscription_count():
-                publisher.publish(output.build(result, frame.image, self._factory, frame.header))
-        latency_ns = self.get_clock().now().nanoseconds - frame.stamp_ns
-        self._health.published(
-            result,
-            turnaround_s=time.monotonic() - frame.arrived_s,
-            latency_s=latency_ns * 1e-9 if frame.stamp_ns else None,
-        )
-
-    def _on_error(self, error: Exception) -> None:
-        if not self._worker.stopping:
-            self._health.failed(error)
-            self.get_logger().error(
-                f'processing failed: {type(error).__name__}: {error}',
-                throttle_duration_sec=_LOG_EVERY_S,
-            )
+        # an endpoint that is made declares its QoS
+        ours = [change for change in changes if not parameters.is_of_qos(change.name)]
+        self._processing.config = parameters.changed(self._processing.config, ours)
 
     # -- diagnostics -------------------------------------------------------------------------
 
+    def _node_state(self) -> NodeState:
+        deadline_s = self._processing.config.worker.deadline_s
+        worker = self._worker
+        if worker is None:
+            return NodeState(self._state, 'none', paused=self._paused)
+        busy_s = worker.busy_s
+        if worker.stopping or worker.alive:
+            doing = 'busy' if busy_s else 'idle' if worker.wait_prepared(0) else 'compiling'
+        else:
+            doing = 'ended'
+        return NodeState(self._state, doing, busy_s, deadline_s, self._paused)
+
     def _publish_diagnostics(self) -> None:
-        report = self._health.report(self._worker.snapshot(), self._worker.alive)
+        state = self._node_state()
+        if state.busy_s > state.deadline_s:  # it may never end, so it cannot tell by itself
+            self.get_logger().warning(
+                f'in work for {state.busy_s:.1f} s, worker.deadline_s = {state.deadline_s:g}',
+                throttle_duration_sec=LOG_EVERY_S,
+            )
+        report = self._health.report(self._worker.snapshot() if self._worker else Counts(), state)
         name = self.get_fully_qualified_name()
         status = DiagnosticStatus(
             level=bytes([report.level]),
@@ -284,12 +322,3 @@ class RsmbNode(Node):
         array = DiagnosticArray(status=[status])
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
-
-
-def _with_qos(topic: str, create: Callable[[], Any]) -> Any:
-    """Create an endpoint; a QoS override that rclpy cannot use is a wrong setting."""
-    try:
-        return create()
-    except (InvalidQosOverridesError, RuntimeError, AssertionError, ValueError) as error:
-        reason = str(error) or 'wrong type'
-        raise ConfigError(f'qos_overrides of {topic} cannot be used: {reason}') from error

@@ -1,8 +1,9 @@
-"""Parameters of the node: those of `Config` and `image_transport`, checked by one code."""
+"""Parameters of the node: those of `Config` and a few of its own, checked by one code."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import rclpy.parameter
@@ -10,6 +11,8 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 
 from rsmb_ros.core.config import Config, Parameter, parameters
 from rsmb_ros.core.errors import ConfigError
+
+from .endpoints import check_qos_override
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -21,15 +24,31 @@ IMAGE_TRANSPORT = Parameter(
     doc='raw: image and reference/image; compressed: image/compressed and the like',
     choices=('raw', 'compressed'),
 )
-# The endpoints exist from the start, so what shapes them cannot change later.
-_FIXED_AT_START = (IMAGE_TRANSPORT.name, 'publish.queue_depth')
+AUTOSTART = Parameter(
+    name='autostart',
+    default=True,
+    unit='-',
+    doc='configure and activate by itself; false: wait for ~/change_state',
+)
+OF_THE_NODE = (IMAGE_TRANSPORT, AUTOSTART)
+# What shapes endpoints, or acts at the start only, cannot change later.
+_FIXED_AT_START = (*(parameter.name for parameter in OF_THE_NODE), 'publish.queue_depth')
 
 # Declared and checked by rclpy itself.
 _OF_RCLPY = ('use_sim_time', 'start_type_description_service')
 _OF_RCLPY_PREFIX = 'qos_overrides.'
 
 
-def declare(node: Node) -> tuple[Config, str]:
+@dataclass(frozen=True)
+class Settings:
+    """What the user asked for."""
+
+    config: Config
+    image_transport: str
+    autostart: bool
+
+
+def declare(node: Node) -> Settings:
     """
     Declare every parameter with the value the user gave, or its default.
 
@@ -38,11 +57,6 @@ def declare(node: Node) -> tuple[Config, str]:
     node : Node
         Created with ``automatically_declare_parameters_from_overrides=True``: what the user gave
         is declared already, which is how a misspelt name comes to light.
-
-    Returns
-    -------
-    config : Config
-    image_transport : str
 
     Raises
     ------
@@ -55,14 +69,33 @@ def declare(node: Node) -> tuple[Config, str]:
         for name in node.get_parameters_by_prefix('')
         if not _is_of_rclpy(name)
     }
-    transport = IMAGE_TRANSPORT.check(given.pop(IMAGE_TRANSPORT.name, IMAGE_TRANSPORT.default))
+    own = {p.name: p.check(given.pop(p.name, p.default)) for p in OF_THE_NODE}
     config = Config().replaced(given)
-    for parameter in (*parameters(), IMAGE_TRANSPORT):
+    for parameter in (*parameters(), *OF_THE_NODE):
         if node.has_parameter(parameter.name):
             node.set_descriptor(parameter.name, describe(parameter))
         else:
             node.declare_parameter(parameter.name, parameter.default, describe(parameter))
-    return config, transport
+    return Settings(config, **own)
+
+
+def check_qos_overrides(node: Node, topics: Collection[str]) -> None:
+    """
+    Refuse QoS overrides of `topics` that no endpoint could be created with.
+
+    Endpoints come and go with the node's state; a wrong setting has to be told at the start.
+
+    Raises
+    ------
+    ConfigError
+        If a policy cannot be overridden or its value is not allowed.
+
+    """
+    for name in node.get_parameters_by_prefix('qos_overrides'):
+        topic, *_, policy = name.split('.')  # /image.subscription.depth
+        if topic in topics:
+            value = node.get_parameter(f'{_OF_RCLPY_PREFIX}{name}').value
+            check_qos_override(topic, policy, value)
 
 
 def changed(config: Config, changes: Iterable[rclpy.parameter.Parameter]) -> Config:
@@ -77,9 +110,9 @@ def changed(config: Config, changes: Iterable[rclpy.parameter.Parameter]) -> Con
     """
     ours = {}
     for change in changes:
-        if change.name.startswith(_OF_RCLPY_PREFIX):
+        if is_of_qos(change.name):
             raise ConfigError(f'{change.name} is fixed at the start: restart the node with it')
-        if change.name not in (*_OF_RCLPY, IMAGE_TRANSPORT.name):
+        if change.name not in (*_OF_RCLPY, *(parameter.name for parameter in OF_THE_NODE)):
             ours[change.name] = change.value
     return config.replaced(ours)
 
@@ -103,5 +136,10 @@ def describe(parameter: Parameter) -> ParameterDescriptor:
     return descriptor
 
 
+def is_of_qos(name: str) -> bool:
+    """Return whether `name` overrides the QoS of an endpoint."""
+    return name.startswith(_OF_RCLPY_PREFIX)
+
+
 def _is_of_rclpy(name: str) -> bool:
-    return name in _OF_RCLPY or name.startswith(_OF_RCLPY_PREFIX)
+    return name in _OF_RCLPY or is_of_qos(name)

@@ -9,26 +9,21 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Float32MultiArray, String
 
 from rsmb_ros.bags.reading import CAMERA_INFO, COMPRESSED
 from rsmb_ros.bags.writing import BagWriter
 from rsmb_ros.messages.outputs import IMAGE, OUTPUTS, ROWS, TEXT
-from rsmb_ros.messages.stamps import NS_PER_S, stamp_ns
+from rsmb_ros.messages.stamps import NS_PER_S
 
 from .node_process import NodeProblem, NodeProcess
+from .player import CLASSES, Player, stamp_of
 
 _DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 _CLASSES = {
-    IMAGE: Image,
-    COMPRESSED: CompressedImage,
-    CAMERA_INFO: CameraInfo,
+    **CLASSES,
     ROWS: Float32MultiArray,
     TEXT: String,
     _DIAGNOSTICS: DiagnosticArray,
@@ -36,7 +31,6 @@ _CLASSES = {
 _CAMERA_INFO_TOPIC = '/camera_info'
 _ANSWER_S = 30.0  # for what a healthy node does at once, on a busy machine
 _QUEUE = 100  # messages; everything published is to be recorded
-_POLL_S = 0.02
 
 
 @dataclass
@@ -74,35 +68,37 @@ class Playback:
         check: Callable[[], None],
     ) -> None:
         self.answers = Answers()
-        self._check = check
         self._process = process
         self._writer = writer
         self._kind = COMPRESSED if compressed else IMAGE
         self._received = {output.name: 0 for output in OUTPUTS}
         self._state: dict[str, str] = {}  # of the newest diagnostics
-        self._context = rclpy.Context()
-        rclpy.init(context=self._context)
-        self._node = rclpy.create_node('rsmb_player', context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
         suffix = '/compressed' if compressed else ''
         self.image, self.reference = f'/image{suffix}', f'/reference/image{suffix}'
-        self._publish_to = self._publishers()
+        self._topics = {
+            self.reference: self._kind,
+            self.image: self._kind,
+            _CAMERA_INFO_TOPIC: CAMERA_INFO,
+        }
+
+        def still_good() -> None:
+            check()
+            process.check_alive()
+
+        self._player = Player(self._topics, {self.reference}, still_good)
         self._subscribe()
 
     def close(self) -> None:
         """Leave the graph."""
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.shutdown(context=self._context)
+        self._player.close()
 
     def wait_until_ready(self, timeout_s: float) -> None:
         """Wait until the node is compiled, hears us, and we hear every output of it."""
-        self._wait_until(lambda: self._process.said('kernels compiled'), 'kernels', timeout_s)
+        self._wait_until(lambda: self._process.said('ready: '), 'ready node', timeout_s)
         self._wait_until(lambda: bool(self._state), 'diagnostics')
         self._wait_until(
-            lambda: all(p.get_subscription_count() for p in self._publish_to.values()),
-            'subscriptions of the node to ' + ', '.join(self._publish_to),
+            lambda: all(map(self._player.listeners, self._topics)),
+            'subscriptions of the node to ' + ', '.join(self._topics),
         )
 
     def give_reference(self, data: bytes) -> None:
@@ -116,14 +112,12 @@ class Playback:
 
     def play(self, data: bytes, now_ns: int) -> None:
         """Publish a live frame, a serialised image; `now_ns` is its time in the recording."""
-        stamp = stamp_ns(deserialize_message(data, _CLASSES[self._kind]).header.stamp)
-        self.answers.played[stamp] = time.monotonic()
+        self.answers.played[stamp_of(data)] = time.monotonic()
         self._publish(self.image, self._kind, data, now_ns)
 
     def spin_until(self, moment_s: float) -> None:
         """Take what comes until ``time.monotonic()`` is `moment_s`."""
-        while (left := moment_s - time.monotonic()) > 0:
-            self._spin_once(min(left, _POLL_S))
+        self._player.spin_until(moment_s)
 
     def wait_for_answers(self, timeout_s: float) -> None:
         """Wait until the node has no frame left and every output of every frame has come."""
@@ -147,16 +141,6 @@ class Playback:
 
     # -- endpoints ---------------------------------------------------------------------------
 
-    def _publishers(self) -> dict[str, Any]:
-        image = _CLASSES[self._kind]
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node = self._node
-        return {
-            self.reference: node.create_publisher(image, self.reference, latched),
-            self.image: node.create_publisher(image, self.image, 1),
-            _CAMERA_INFO_TOPIC: node.create_publisher(CameraInfo, _CAMERA_INFO_TOPIC, 1),
-        }
-
     def _subscribe(self) -> None:
         for output in OUTPUTS:
             self._listen(f'/rsmb/{output.name}', output.type, partial(self._on_output, output.name))
@@ -171,11 +155,11 @@ class Playback:
             self._writer.write_cdr(topic, kind, data, time.time_ns())
             take(data)
 
-        self._node.create_subscription(_CLASSES[kind], topic, record, _QUEUE, raw=True)
+        self._player.node.create_subscription(_CLASSES[kind], topic, record, _QUEUE, raw=True)
 
     def _publish(self, topic: str, kind: str, data: bytes, now_ns: int) -> None:
         self._writer.write_cdr(topic, kind, data, now_ns, latched=topic == self.reference)
-        self._publish_to[topic].publish(data)
+        self._player.publish(topic, data)
 
     # -- what comes --------------------------------------------------------------------------
 
@@ -194,7 +178,7 @@ class Playback:
 
     def _counts(self) -> dict[str, int]:
         """Return what became of the frames, the sum first."""
-        names = ('received', 'processed', 'dropped', 'failed', 'without reference')
+        names = ('received', 'processed', 'dropped')
         return {name: int(self._state[f'frames {name}']) for name in names}
 
     def _wait_until(
@@ -207,12 +191,7 @@ class Playback:
                     f'no {what} in {timeout_s:g} s; received {self._received}, '
                     f'the node says {self._said()}'
                 )
-            self._spin_once(_POLL_S)
-
-    def _spin_once(self, timeout_s: float) -> None:
-        self._check()
-        self._process.check_alive()
-        self._executor.spin_once(timeout_sec=timeout_s)
+            self._player.spin_once()
 
     def _said(self) -> str:
         return repr(self._state.get('message', 'nothing'))

@@ -30,7 +30,7 @@ def test_help_names_every_verb(rsmb):
 def test_every_verb_has_help(rsmb, verb):
     done = rsmb(verb, '--help')
     assert done.code == 0
-    output = {'evaluate': '--report', 'speed': '--markdown'}.get(verb, '--output')
+    output = {'evaluate': '--report', 'play': '--rate', 'speed': '--markdown'}.get(verb, '--output')
     assert output in done.out
 
 

@@ -40,6 +40,15 @@ def test_what_is_no_depth_is_unknown(image_msg, nothing):
     np.testing.assert_array_equal(depth, [[1.0, np.nan], [1.0, 0.5]])
 
 
+def test_depths_too_far_apart_for_a_quotient_are_unknown(image_msg):
+    """Found by fuzzing: 1e38 times a subnormal median is no number."""
+    stored = np.array([[1e-45, 1e-45], [1e-45, 3e38]], np.float32)
+    depth = depth_from_msg(image_msg('32FC1', 2, 2, stored))
+    np.testing.assert_array_equal(depth, [[1.0, 1.0], [1.0, np.nan]])
+    huge = np.full((2, 2), 3e38, np.float32)  # their sum is no float32
+    np.testing.assert_array_equal(depth_from_msg(image_msg('32FC1', 2, 2, huge)), np.ones((2, 2)))
+
+
 @pytest.mark.parametrize(
     ('encoding', 'shape', 'stored', 'cause'),
     [

@@ -56,8 +56,8 @@ def _free_domain():
 class NodeProcess:
     """`rsmb_node` as users start it."""
 
-    def __init__(self, ros_args=(), **environment):
-        command = [sys.executable, '-m', 'rsmb_ros.ros.main', '--ros-args', *ros_args]
+    def __init__(self, ros_args=(), program=('-m', 'rsmb_ros.ros.main'), **environment):
+        command = [sys.executable, *program, '--ros-args', *ros_args]
         self.process = subprocess.Popen(
             command, env={**os.environ, **environment}, stderr=subprocess.PIPE, text=True
         )
@@ -109,8 +109,8 @@ def start_node(ros_environment):
     """Return a function that starts a node; all are gone when the module is done."""
     started = []
 
-    def start(ros_args=(), **environment):
-        started.append(NodeProcess(ros_args, **environment))
+    def start(ros_args=(), **options):
+        started.append(NodeProcess(ros_args, **options))
         return started[-1]
 
     yield start
@@ -119,9 +119,13 @@ def start_node(ros_environment):
 
 
 class Peer:
-    """Publishes inputs, collects outputs; everything that waits has a deadline."""
+    """
+    Publishes inputs, collects outputs; everything that waits has a deadline.
 
-    def __init__(self, only=None):
+    With a `namespace` it is the peer of the node there, and hears that one's diagnostics only.
+    """
+
+    def __init__(self, only=None, namespace=''):
         import rclpy
         from diagnostic_msgs.msg import DiagnosticArray
         from rclpy.executors import SingleThreadedExecutor
@@ -133,7 +137,8 @@ class Peer:
 
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
-        self.node = rclpy.create_node('peer', context=self.context)
+        self.node = rclpy.create_node('peer', context=self.context, namespace=namespace or None)
+        self._of_node = f'{namespace}/rsmb:'.lstrip('/') if namespace else ''
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._factory = RclpyFactory()
@@ -144,11 +149,11 @@ class Peer:
         for output in wanted:
             self.node.create_subscription(
                 classes.get(output.type, String),
-                f'/rsmb/{output.name}',
+                f'{namespace}/rsmb/{output.name}',
                 self.outputs[output.name].append,
                 50,
             )
-        self.node.create_subscription(DiagnosticArray, '/diagnostics', self.diagnostics.append, 10)
+        self.node.create_subscription(DiagnosticArray, '/diagnostics', self._take_state, 10)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.image = self.node.create_publisher(Image, 'image', 1)
         self.compressed = self.node.create_publisher(CompressedImage, 'image/compressed', 1)
@@ -156,6 +161,10 @@ class Peer:
         self.reference = self.node.create_publisher(Image, 'reference/image', 1)
         self.depth = self.node.create_publisher(Image, 'reference/depth', 1)
         self.latched_reference = self.node.create_publisher(Image, 'reference/image', latched)
+
+    def _take_state(self, msg):
+        if msg.status[0].name.startswith(self._of_node):
+            self.diagnostics.append(msg)
 
     def message(self, array, stamp_ns=0, frame_id=''):
         """Return an Image."""
@@ -193,6 +202,24 @@ class Peer:
         status = self.diagnostics[-1].status[0]
         values = {pair.key: pair.value for pair in status.values}
         return {'level': status.level[0], 'message': status.message, **values}
+
+    def call(self, kind, name, request, timeout_s=ANSWER_S):
+        """Call a service and return its answer."""
+        client = self.node.create_client(kind, name)
+        self.wait_until(client.service_is_ready, timeout_s, f'service {name}')
+        future = client.call_async(request)
+        self.wait_until(future.done, timeout_s, f'answer of {name}')
+        self.node.destroy_client(client)
+        return future.result()
+
+    def set_parameter(self, name, value):
+        """Set one parameter, as `ros2 param set` does; return the answer."""
+        from rcl_interfaces.srv import SetParameters
+        from rclpy.parameter import Parameter
+
+        parameter = Parameter(name, value=value).to_parameter_msg()
+        request = SetParameters.Request(parameters=[parameter])
+        return self.call(SetParameters, '/rsmb/set_parameters', request).results[0]
 
     def wait_for_state(self, accept, timeout_s, what, repeat=None):
         """Return the first state from now on that `accept` takes."""
@@ -258,8 +285,8 @@ def start_peer(ros_environment):
     """Return a function that starts a peer; it subscribes to all outputs or those named."""
     started = []
 
-    def start(only=None):
-        started.append(Peer(only))
+    def start(only=None, namespace=''):
+        started.append(Peer(only, namespace))
         return started[-1]
 
     yield start

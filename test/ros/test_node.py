@@ -24,6 +24,7 @@ def node(ros_environment, built, monkeypatch):
     from rclpy.signals import SignalHandlerOptions
 
     from rsmb_ros.ros import node as module
+    from rsmb_ros.ros import outputs
 
     def recording(output):
         def build(*arguments):
@@ -32,14 +33,14 @@ def node(ros_environment, built, monkeypatch):
 
         return replace(output, build=build)
 
-    monkeypatch.setattr(module, 'OUTPUTS', tuple(map(recording, OUTPUTS)))
+    monkeypatch.setattr(outputs, 'OUTPUTS', tuple(map(recording, OUTPUTS)))
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = module.RsmbNode()
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    executor.create_task(node.start)
     spin = threading.Thread(target=executor.spin)
     spin.start()
-    node.start()
     yield node
     assert node.stop(ANSWER_S)
     executor.shutdown()
@@ -63,8 +64,27 @@ def test_focal_length_is_taken_from_camera_info(node, start_peer):
     msg.k[0] = 512.5
     peer = start_peer(only=[])
     peer.wait_until(
-        lambda: node._processing.info_focal_px == 512.5,
+        lambda: node._processing.intrinsics and node._processing.intrinsics.focal_px == 512.5,
         ANSWER_S,
         'focal length',
         repeat=lambda: peer.camera_info.publish(msg),
     )
+
+
+def test_destroyed_node_is_gone_from_the_graph(ros_environment, start_peer):
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    from rsmb_ros.ros.node import RsmbNode
+
+    peer = start_peer(only=[])
+    rclpy.init(
+        args=['--ros-args', '-r', '__node:=mayfly'], signal_handler_options=SignalHandlerOptions.NO
+    )
+    node = RsmbNode()
+    try:
+        peer.wait_until(lambda: 'mayfly' in peer.node.get_node_names(), ANSWER_S, 'node')
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+    peer.wait_until(lambda: 'mayfly' not in peer.node.get_node_names(), ANSWER_S, 'empty graph')

@@ -11,7 +11,7 @@ import yaml
 from rsmb_ros.core.config import Config, flatten, parameters
 
 SETTINGS = Path(__file__).parents[2] / 'config' / 'rsmb.yaml'
-ANSWER_S = 60.0
+READY_S, ANSWER_S = 240.0, 60.0
 
 
 @pytest.fixture(scope='module')
@@ -21,7 +21,11 @@ def in_yaml():
 
 
 def test_yaml_has_every_parameter_in_the_order_of_the_code_with_its_default(in_yaml):
-    assert list(in_yaml.items()) == [*Config().flat().items(), ('image_transport', 'raw')]
+    assert list(in_yaml.items()) == [
+        *Config().flat().items(),
+        ('image_transport', 'raw'),
+        ('autostart', True),
+    ]
 
 
 def test_yaml_explains_every_parameter_in_the_words_of_the_code():
@@ -50,7 +54,12 @@ REFUSED = {
         ['change.threshold_low', 'must be below change.threshold_high'],
     ),
     'transport': ('image_transport:=zip', ['image_transport', 'raw, compressed']),
-    'qos': ('qos_overrides./image.subscription.depth:=few', ['/image']),
+    'qos': ('qos_overrides./image.subscription.depth:=few', ['/image', "'few'", 'whole number']),
+    'qos of an output': (
+        'qos_overrides./rsmb/overlay.publisher.reliability:=good',
+        ['/rsmb/overlay', "'good'", 'reliable, best_effort'],
+    ),
+    'autostart': ('autostart:=maybe', ['autostart', 'true or false']),
 }
 
 
@@ -75,21 +84,23 @@ def test_wrong_yaml_ends_the_node_with_2(ros_environment, tmp_path):
     assert 'none.yaml' in stderr
 
 
-def test_shipped_yaml_and_whole_numbers_are_accepted(start_node):
+@pytest.mark.parametrize('name', ['rsmb', 'nadir', 'forward'])
+def test_shipped_yaml_and_whole_numbers_are_accepted(start_node, name):
+    file = SETTINGS.with_name(f'{name}.yaml')
     node = start_node(
         [
-            *['--params-file', str(SETTINGS), '-p', 'shutter.exposure_rows:=40'],
+            *['--params-file', str(file), '-p', 'shutter.exposure_rows:=40'],
             *['-p', 'use_sim_time:=true', '-p', 'qos_overrides./image.subscription.depth:=2'],
         ]
     )
-    node.wait_for_log('ready: ', ANSWER_S)
+    node.wait_for_log('ready: ', READY_S)
 
 
 def test_descriptors_tell_meaning_unit_and_range():
     pytest.importorskip('rclpy', reason='rclpy is not installed')
-    from rsmb_ros.ros.parameters import IMAGE_TRANSPORT, describe
+    from rsmb_ros.ros.parameters import AUTOSTART, IMAGE_TRANSPORT, describe
 
-    described = {p.name: describe(p) for p in (*parameters(), IMAGE_TRANSPORT)}
+    described = {p.name: describe(p) for p in (*parameters(), IMAGE_TRANSPORT, AUTOSTART)}
     exposure = described['shutter.exposure_rows']
     assert '[0 to 5000 rows]' in exposure.description
     (bounds,) = exposure.floating_point_range
@@ -98,4 +109,5 @@ def test_descriptors_tell_meaning_unit_and_range():
     assert (limits.from_value, limits.to_value) == (1, 64)
     assert 'bottom_up' in described['shutter.readout'].additional_constraints
     assert described['image_transport'].read_only
+    assert described['autostart'].read_only
     assert not exposure.read_only

@@ -7,6 +7,7 @@ import pytest
 
 from rsmb_ros.core import Camera, Config
 from rsmb_ros.core.errors import FrameError
+from rsmb_ros.messages.camera_info import Intrinsics
 from rsmb_ros.ros import processing
 
 IMAGE = np.zeros((48, 64), np.uint8)
@@ -75,7 +76,7 @@ def test_new_configuration_is_taken_up_with_the_next_frame(process, built):
 
 def test_camera_info_is_taken_up_with_the_next_frame(process, built, log):
     process.set_reference(IMAGE)
-    process.info_focal_px = 500.0
+    process.intrinsics = Intrinsics(500.0, IMAGE.shape[1], distorted=False)
     process.detect(IMAGE)
     process.detect(IMAGE)
     assert [entry.camera for entry in built] == [None, Camera(500.0)]
@@ -108,7 +109,15 @@ def test_refused_reference_leaves_none_and_a_good_one_mends_it(process):
     process.set_reference(IMAGE)
     with pytest.raises(FrameError, match='too small'):
         process.set_reference(IMAGE[:8])
-    with pytest.raises(FrameError, match='too small'):
-        process.detect(IMAGE)  # never the result of the reference before
+    assert process.detect(IMAGE) is None  # never the result of the reference before
     process.set_reference(IMAGE)
     assert process.detect(IMAGE) == 'result'
+
+
+def test_focal_length_of_another_image_size_is_warned_of_once(process, log):
+    process.set_reference(IMAGE)
+    process.intrinsics = Intrinsics(500.0, 2 * IMAGE.shape[1], distorted=False)
+    process.detect(IMAGE)
+    process.detect(IMAGE)
+    (line,) = log
+    assert '128 px wide, the frames are 64 px wide' in line

@@ -57,7 +57,7 @@ def test_signal_before_the_node_is_up_ends_it_with_0(start_node):
 
 def test_signal_while_kernels_compile_ends_the_node_with_0_in_time(start_node, tmp_path):
     node = start_node(NUMBA_CACHE_DIR=str(tmp_path))  # empty: nothing is compiled yet
-    node.wait_for_log('ready: ', READY_S)
+    node.wait_for_log('compiling kernels', READY_S)
     begin = time.monotonic()
     code, log = end(node, [signal.SIGINT])
     took = time.monotonic() - begin

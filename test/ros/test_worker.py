@@ -34,7 +34,7 @@ class Desk:
             self._record('raised')
             raise ValueError('bad frame')
         self._record(('frame', item))
-        return item != 'unused'
+        return 'no use' if item == 'unused' else ''
 
     def error(self, error):
         self.errors.append(str(error))
@@ -78,7 +78,7 @@ def test_newest_frame_wins_and_the_older_ones_are_counted(desk):
     desk.wait_for(3)
     assert desk.worker.stop(PATIENCE_S)
     assert desk.handled == ['prepare', ('frame', 0), ('frame', 3)]
-    assert desk.worker.snapshot() == Counts(received=4, processed=2, dropped=2)
+    assert desk.worker.snapshot() == Counts(4, 2, {'newer frame': 2})
 
 
 def test_reference_is_never_dropped_by_a_frame_and_goes_first(desk):
@@ -109,14 +109,14 @@ def test_error_is_reported_and_counted_and_the_next_frame_is_handled(desk):
     assert desk.worker.alive
     assert desk.worker.stop(PATIENCE_S)
     assert desk.errors == ['bad frame']
-    assert desk.worker.snapshot() == Counts(received=2, processed=1, failed=1)
+    assert desk.worker.snapshot() == Counts(2, 1, {'exception': 1})
 
 
 def test_frame_the_handler_had_no_use_for_is_skipped_not_processed(desk):
     desk.worker.submit_frame('unused')
     desk.wait_for(2)
     assert desk.worker.stop(PATIENCE_S)
-    assert desk.worker.snapshot() == Counts(received=1, skipped=1)
+    assert desk.worker.snapshot() == Counts(1, 0, {'no use': 1})
 
 
 def test_counts_add_up_under_a_flood_from_several_threads(desk):
@@ -134,7 +134,7 @@ def test_counts_add_up_under_a_flood_from_several_threads(desk):
     assert desk.worker.stop(PATIENCE_S)
     counts = desk.worker.snapshot()
     assert counts.received == 2001
-    assert counts.processed + counts.dropped == counts.received
+    assert counts.processed + counts.dropped_total == counts.received
     assert counts.processed == len(desk.handled) - 1  # without 'prepare'
 
 
@@ -145,12 +145,14 @@ def test_failed_preparation_is_reported_and_frames_are_handled_all_the_same():
     def prepare():
         raise RuntimeError('no compiler')
 
-    worker = Worker(prepare, lambda _: None, lambda _: seen.set() or True, errors.append)
+    worker = Worker(prepare, lambda _: None, lambda _: seen.set() or '', errors.append)
     worker.start()
     worker.submit_frame(1)
     assert seen.wait(PATIENCE_S)
     assert worker.stop(PATIENCE_S)
     assert [str(error) for error in errors] == ['no compiler']
+    assert worker.wait_prepared(0)
+    assert not worker.usable
 
 
 def test_stop_gives_up_at_its_deadline_while_a_frame_is_in_work(desk):
@@ -169,3 +171,39 @@ def test_frame_that_waits_at_stop_is_not_begun(desk):
     desk.gate.set()
     assert desk.worker.stop(PATIENCE_S)
     assert ('frame', 1) not in desk.handled
+
+
+def test_counts_add_up_at_every_moment(desk):
+    desk.hold_with(0)
+    desk.worker.submit_frame(1)
+    desk.worker.refuse('malformed')
+    now = desk.worker.snapshot()
+    assert now == Counts(3, 0, {'malformed': 1}, waiting=2)
+
+
+def test_frame_that_waits_can_be_discarded_and_a_reference_is_kept(desk):
+    desk.hold_with(0)
+    desk.worker.submit_frame(1)
+    desk.worker.submit_reference('r')
+    desk.worker.discard('not active')
+    desk.worker.submit_frame(2)
+    desk.gate.set()
+    desk.wait_for(4)
+    assert desk.handled[1:] == [('frame', 0), ('reference', 'r'), ('frame', 2)]
+    assert desk.worker.snapshot().dropped == {'not active': 1}
+
+
+def test_time_in_work_is_told_while_it_lasts(desk):
+    assert desk.worker.busy_s == 0.0
+    desk.hold_with(0)
+    first = desk.worker.busy_s
+    assert 0 < first < desk.worker.busy_s
+    desk.gate.set()
+    desk.wait_for(2)
+    assert desk.worker.stop(PATIENCE_S)
+    assert desk.worker.busy_s == 0.0
+
+
+def test_preparation_is_over_before_the_first_task(desk):
+    assert desk.worker.wait_prepared(PATIENCE_S)
+    assert desk.worker.usable
