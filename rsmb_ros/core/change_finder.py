@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from .clock import Clock
+from .colour import ColourEvidence
 from .config import Config
 from .depth_search import DepthSearch, Refused
 from .evidence import OUTLINE_WINDOW, NoiseTable, Texture, box_rms
@@ -42,6 +43,7 @@ class Seen:
     """What a frame's residual says."""
 
     noise: NoiseTable
+    colour: ColourEvidence | None  # None where one of the images is grey
     strength: np.ndarray  # (M, N) float32 [sigma]
     mask: np.ndarray  # (M, N) uint8 0/1, candidate objects
     squares: np.ndarray  # (M, N) float32, of the normalised residual, truncated
@@ -150,8 +152,11 @@ class ChangeFinder:
         place = np.nan_to_num(frame.row_uncertainty, nan=0.0).astype(np.float32)
         frame.judged[place >= LOST] = False
         z2 = noise.surprise(texture, frame.residual, frame.judged, frame.misfit, place)
-        strength = box_rms(z2)
-        return Seen(noise, strength, candidates(strength, self._config.change), z2)
+        strength, colour = box_rms(z2), None
+        if frame.colours is not None:
+            colour = ColourEvidence.of(frame.live, frame.colours, frame.judged, frame.misfit, place)
+            strength = np.maximum(strength, colour.strength)
+        return Seen(noise, colour, strength, candidates(strength, self._config.change), z2)
 
     def _layers(
         self,
@@ -163,11 +168,10 @@ class ChangeFinder:
         """Find the static objects among the candidates; `refused` learns which are none."""
         config = self._config
         search = DepthSearch(
-            frame.grey,
+            frame,
             seen.noise,
-            frame.render,
-            frame.energy(seen.noise),
-            frame.path,
+            seen.colour.limit if seen.colour else None,
+            _standing_out(frame, seen, known),
             config.layers,
             config.change,
             refused,
@@ -179,6 +183,14 @@ class ChangeFinder:
         # pieces too small to tell their own depth, next to one that could
         pieces = (search.belongs(blob, layer) for blob in blobs(rest) for layer in layers)
         return layers + [piece for piece in pieces if piece]
+
+
+def _standing_out(frame: RegisteredFrame, seen: Seen, known: Sequence[Layer]) -> np.ndarray:
+    """Where the ground does not explain a frame, or is not asked (M, N) bool."""
+    marked = (seen.mask > 0) | ~frame.judged
+    for layer in known:
+        marked[layer.blob.box] |= layer.blob.mask
+    return marked
 
 
 def _doubtful_rows(unexplained: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from ._kernels.depth_energy import POSE, best_depth, pose_table
 from .evidence import NoiseTable, Texture
 from .motion import CameraPath
 from .photometric import Light, to_display
-from .render import Window
+from .render import Shown, Window
 
 FINE_STEPS = (0.025, 0.0125, 0.006, 0.003, 0.0015)
 MAX_Z2 = 16.0  # truncation of the energy that depths are compared by
@@ -25,7 +25,7 @@ SPACINGS = (3.0, 2.0)  # px between the instants of the exposure, at first and f
 POSE_SPACING = 0.5  # rows between the poses that all instants' are interpolated from
 CURVE_SIZE = 1024  # display values of light
 
-Render = Callable[[float, Window, tuple[float, float]], tuple[np.ndarray, np.ndarray]]
+Render = Callable[[float, Window, tuple[float, float]], Shown]
 
 
 class BestDepth(NamedTuple):
@@ -74,9 +74,9 @@ class RenderedEnergy(DepthEnergy):
         live, weight = self._asked(window, mask)
 
         def energy(depth: float) -> float:
-            predicted, complete = self._render(depth, window, (0.0, 0.0))
-            z2 = (live - predicted) ** 2 * weight
-            return float(np.where(complete, np.minimum(z2, MAX_Z2), MAX_Z2)[mask].mean())
+            own = self._render(depth, window, (0.0, 0.0))
+            z2 = (live - own.grey) ** 2 * weight
+            return float(np.where(own.complete, np.minimum(z2, MAX_Z2), MAX_Z2)[mask].mean())
 
         energies = [energy(depth) for depth in depths]
         least = int(np.argmin(energies))

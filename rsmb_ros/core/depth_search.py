@@ -9,16 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import cv2
 import numpy as np
 
+from .colour import tint_off
 from .config import ChangeConfig, LayersConfig
-from .depth_energy import BestDepth, DepthEnergy, Render
+from .depth_energy import BestDepth, DepthEnergy
 from .evidence import NoiseTable, Texture, evidence
+from .frame import RegisteredFrame
 from .layers import NO_SHIFT, Layer, Place, padded
 from .motion import CameraPath
-from .render import Window
+from .render import Shown, Window
 from .segmentation import Blob, hysteresis
 
 COARSE_STEP = 0.05
@@ -35,6 +38,7 @@ MAX_MISFIT = 2.5  # ... by so much
 MAX_ENERGY_RATIO = 0.85  # of the energy at the background's depth
 UNLIKE = 0.3  # correlation below which no small shift makes an object alike
 SMOOTHING = 5  # px, of what shifts are found by
+MIN_DISPLACED = 0.3  # of an object that must stand out where it is displaced from or to, too
 MAX_SHIFT = 0.5  # of an object's parallax: tilt and translation are not told apart better
 MAX_OFF = 2.5  # px, that a static object may lie from where the background puts it
 CLEAR_RATIO = 0.7  # an object that fits less well is not asked again
@@ -67,14 +71,28 @@ class Refused:
 class DepthSearch:
     """Judges objects of one frame against the reference at other depths."""
 
-    live: np.ndarray  # (M, N) float32 display values
+    frame: RegisteredFrame
     noise: NoiseTable
-    render: Render  # (depth, window, shift) -> predicted display values, where they hold
-    energy: DepthEnergy
-    path: CameraPath
+    tint_limit: float | None  # levels, that colours may be off; None: grey
+    marked: np.ndarray  # (M, N) bool, where the ground does not explain the frame, or is not asked
     config: LayersConfig
     change: ChangeConfig
     refused: Refused = field(default_factory=Refused)
+
+    @property
+    def live(self) -> np.ndarray:
+        """Live frame (M, N) float32 [grey levels]."""
+        return self.frame.grey
+
+    @property
+    def path(self) -> CameraPath:
+        """Path of the camera."""
+        return self.frame.path
+
+    @cached_property
+    def energy(self) -> DepthEnergy:
+        """How well depths fit."""
+        return self.frame.energy(self.noise)
 
     def explain(self, blob: Blob, known: Sequence[Layer] = ()) -> Layer | None:
         """
@@ -137,8 +155,8 @@ class DepthSearch:
         self, depth: float, shift: tuple[float, float], window: Window, mask: np.ndarray
     ) -> tuple[Layer | None, float]:
         """Return the layer if the object may be taken for one, and the share explained."""
-        z, predicted = self._normalised(depth, window, shift)
-        alike = _correlation(predicted[mask], self.live[window.box][mask])
+        z, own = self._normalised(depth, window, shift)
+        alike = _correlation(own.grey[mask], self.live[window.box][mask])
         misfit = _misfit(z[mask]) if alike > ALIKE else 1.0
         z /= np.float32(misfit)
         explained = _explained(z, mask)
@@ -146,7 +164,38 @@ class DepthSearch:
         enough = share > MIN_SHARE and _largest(explained) >= MIN_CORE * self.live.size
         if not enough or (share <= SURE_SHARE and alike <= MIN_CORRELATION):
             return None, share
+        if self._other_colour(own, window, explained) or not self._displaced(
+            Blob(explained > 0, window.left, window.top), depth
+        ):
+            return None, share
         return self._layer(z, mask, window, Place(depth, shift, misfit), share), share
+
+    def _other_colour(self, own: Shown, window: Window, explained: np.ndarray) -> bool:
+        """Whether what brightness explains has another colour."""
+        if self.tint_limit is None or own.colours is None:
+            return False
+        off = tint_off(self.frame.live[window.box], own.colours, explained > 0)
+        return off > self.tint_limit
+
+    def _displaced(self, blob: Blob, depth: float) -> bool:
+        """
+        Whether something stands out where an object came from, or went to.
+
+        A static object does so twice, unless it is like the ground. What does so once is ground
+        that shows where an object has gone: it looks like other ground, at any depth.
+        """
+        rows, cols = self.marked.shape
+        y, x = np.nonzero(blob.mask)
+        far = 1.0 / depth - 1.0
+        to_x, to_y = (far * part for part in self._displacement(blob))
+        for sign in (1.0, -1.0):
+            u = np.rint(x + blob.x + sign * to_x).astype(np.int64)
+            v = np.rint(y + blob.y + sign * to_y).astype(np.int64)
+            inside = (u >= 0) & (v >= 0) & (u < cols) & (v < rows)
+            shown = self.marked[v[inside], u[inside]].sum() + np.count_nonzero(~inside)
+            if shown > MIN_DISPLACED * len(x):
+                return True
+        return False
 
     def _shift(
         self, depth: float, window: Window, mask: np.ndarray, limit: float
@@ -156,7 +205,7 @@ class DepthSearch:
 
         None where that does not converge, or beyond `limit` px.
         """
-        predicted, live = self.render(depth, window, NO_SHIFT)[0], self.live[window.box]
+        predicted, live = self.frame.render(depth, window).grey, self.live[window.box]
         smooth = [cv2.GaussianBlur(image, (SMOOTHING,) * 2, 0)[mask] for image in (predicted, live)]
         if _correlation(*smooth) < UNLIKE:
             return None
@@ -214,15 +263,12 @@ class DepthSearch:
 
     def _normalised(
         self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
-    ) -> tuple[np.ndarray, np.ndarray]:
-        predicted, complete = self.render(depth, window, shift)
-        return self._misfit_of(predicted, complete, window), predicted
-
-    def _misfit_of(self, predicted: np.ndarray, complete: np.ndarray, window: Window) -> np.ndarray:
-        """Return the normalised residual of a window's prediction."""
-        z = (self.live[window.box] - predicted) / self.noise(Texture.of(predicted))
-        z[~complete] = UNSEEN_Z
-        return z
+    ) -> tuple[np.ndarray, Shown]:
+        """Return the normalised residual of a window, and what a place shows in it."""
+        own = self.frame.render(depth, window, shift)
+        z = (self.live[window.box] - own.grey) / self.noise(Texture.of(own.grey))
+        z[~own.complete] = UNSEEN_Z
+        return z, own
 
     def _displacement(self, blob: Blob) -> tuple[float, float]:
         """How far 1 in 1/d moves the middle of an object: x, y [px]."""

@@ -16,7 +16,7 @@ from .layers import NO_SHIFT, Front, Fronts, Layer, within
 from .motion import CameraPath, shifted
 from .path_fit import PathFit, row_uncertainty
 from .reference import Reference, at_limit
-from .render import Shown, Window, blurred, rectified, shown, whole
+from .render import Shown, Window, blurred, rectified, shown
 from .sampling import defocused
 from .workers import shared
 
@@ -49,8 +49,8 @@ class RegisteredFrame(ABC):
         self._reference = reference
         self._executor = executor
         self._fronts: list[Front] = []  # farthest first
-        self._in_front: dict[Front, tuple[np.ndarray, np.ndarray]] = {}  # as `render` shows them
-        self.predicted, self.complete = self.predict()
+        self._in_front: dict[Front, Shown] = {}
+        self.predicted, self._colours, self.complete = self.predict()
         self.residual = grey - self.predicted
         self.misfit = np.ones(grey.shape, np.float32)
         edge = cv2.copyMakeBorder(self.complete.astype(np.uint8), *[1] * 4, cv2.BORDER_CONSTANT)
@@ -89,18 +89,18 @@ class RegisteredFrame(ABC):
         """Light of the live frame over that of the reference, at the image centre."""
 
     @abstractmethod
-    def render(
-        self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """
-        Display values a layer would have in the live frame, and where they hold.
+    def render(self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT) -> Shown:
+        """Show a layer at relative depth `depth`, moved by `shift` x, y [px]."""
 
-        The layer lies at relative depth `depth`, moved by `shift` x, y [px].
-        """
-
-    def predict(self) -> tuple[np.ndarray, np.ndarray]:
-        """Display values of the whole live frame as the reference knows it, and where they hold."""
+    def predict(self) -> Shown:
+        """Show the whole live frame as the reference knows it."""
         return self.render(1.0, Window(0, self.grey.shape[0], 0, self.grey.shape[1]))
+
+    @property
+    def colours(self) -> np.ndarray | None:
+        """Prediction in BGR (M, N, 3) uint8; None where one of the images is grey."""
+        known = self._colours is not None and self._colours.ndim == 3
+        return self._colours if known and self.live.ndim == 3 else None
 
     def energy(self, noise: NoiseTable) -> DepthEnergy:
         """Return what compares depths at which objects of this frame may lie."""
@@ -160,23 +160,30 @@ class RegisteredFrame(ABC):
             box = front.window.box
             if front not in self._in_front:
                 self._in_front[front] = self._own(front)
-            own, complete = self._in_front[front]
-            self.judged[box] &= ~front.unknown(own, complete, self.predicted[box])
-            inside = front.inside & complete
-            self.predicted[box][inside] = own[inside]
+            own = self._in_front[front]
+            self.judged[box] &= ~front.unknown(own.grey, own.complete, self.predicted[box])
+            inside = front.inside & own.complete
+            self.predicted[box][inside] = own.grey[inside]
+            if self._colours is not None and own.colours is not None:
+                self._colours[box][inside] = own.colours[inside]
             self.misfit[box][inside] = front.place.misfit
         self.residual = self.grey - self.predicted
 
-    def _own(self, front: Front) -> tuple[np.ndarray, np.ndarray]:
-        """Display values of a front in its window, and where they hold and are needed."""
-        own = np.zeros(front.edge.shape, np.float32)
-        complete = np.zeros(front.edge.shape, bool)
+    def _own(self, front: Front) -> Shown:
+        """Show a front in its window, as far as it is needed."""
         part = np.s_[:, :] if front.slight else front.core
-        if part is not None:
-            window = front.window if front.slight else within(front.window, part)
-            place = front.place
-            own[part], complete[part] = self.render(place.relative_depth, window, place.shift)
-        return own, complete
+        grey = np.zeros(front.edge.shape, np.float32)
+        complete = np.zeros(front.edge.shape, bool)
+        if part is None:
+            return Shown(grey, None, complete)
+        window = front.window if front.slight else within(front.window, part)
+        own = self.render(front.place.relative_depth, window, front.place.shift)
+        grey[part], complete[part] = own.grey, own.complete
+        if own.colours is None:
+            return Shown(grey, None, complete)
+        colours = np.zeros(grey.shape + own.colours.shape[2:], np.uint8)
+        colours[part] = own.colours
+        return Shown(grey, colours, complete)
 
     def rectified(self) -> np.ndarray:
         """Return the live image in the geometry of the reference, uint8."""
@@ -246,41 +253,21 @@ class PathFrame(RegisteredFrame):
         shared(self._executor, run, len(fine), fine.size)
         return out
 
-    def render(
-        self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Display values a layer would have in the live frame, and where they hold."""
-        own = self._shown(self._fine_colours, depth, window, shift)
-        return own.grey, own.complete
-
-    def predict(self) -> tuple[np.ndarray, np.ndarray]:
-        """Display values of the whole live frame as the reference knows it, and where they hold."""
-        own = self._shown(self._fine_colours, 1.0, whole(self.path), NO_SHIFT)
-        self._ground = own.colours
-        return own.grey, own.complete
+    def render(self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT) -> Shown:
+        """Show a layer in the light of the live frame."""
+        path = shifted(self.fit.path, depth, shift)
+        gamma, light = self._reference.gamma, self.fit.light
+        return shown(self._fine_colours, path, light, gamma, self._executor, depth, window)
 
     def energy(self, noise: NoiseTable) -> DepthEnergy:
         """Return what compares depths at which objects of this frame may lie, in grey."""
         sight = Sight(self._fine, self.path, self.fit.light, self._reference.gamma)
         return PathEnergy(self.grey, noise, sight)
 
-    def _shown(
-        self, fine: np.ndarray, depth: float, window: Window, shift: tuple[float, float]
-    ) -> Shown:
-        """Show a layer in the light of the live frame."""
-        path = shifted(self.fit.path, depth, shift)
-        gamma = self._reference.gamma
-        return shown(fine, path, self.fit.light, gamma, self._executor, depth, window)
-
     def registered(self) -> np.ndarray:
         """Return the reference as the live camera would have seen it, uint8."""
-        image = self._ground.copy()
-        for front in self._fronts:
-            place = front.place
-            own = self._shown(self._fine_colours, place.relative_depth, front.window, place.shift)
-            inside = front.inside & own.complete
-            image[front.window.box][inside] = own.colours[inside]
-        return image
+        assert self._colours is not None
+        return self._colours.copy()
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from .composite import Composition
 from .depth_map import EDGE_STEP
 from .frame import PathFrame
 from .path_stage import PathStage
-from .render import Window, at_places, shown_at
+from .render import Shown, Window, at_places, shown_at
 from .sampling import colour_of
 
 KNOWN = 0.98  # share of a pixel's exposure that the reference must know for it to be judged
@@ -29,12 +29,12 @@ class LayeredFrame(PathFrame):
         assert self._reference.depth is not None
         return Composition(self._reference.depth, self.path, self._executor)
 
-    def predict(self) -> tuple[np.ndarray, np.ndarray]:
-        """Display values of the whole live frame as the reference knows it, and where they hold."""
+    def predict(self) -> Shown:
+        """Show the whole live frame as the reference knows it, in grey."""
         seen = self._scene.render(self._fine)
         self._known = seen.known
         complete = (seen.sure > KNOWN) & ~self._scene.unknown()
-        return self.fit.light.apply(seen.image, self._reference.gamma), complete
+        return Shown(self.fit.light.apply(seen.image, self._reference.gamma), None, complete)
 
     def rectified(self) -> np.ndarray:
         """Return the live image in the geometry of the reference, 0 where something hides it."""

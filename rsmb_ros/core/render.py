@@ -93,7 +93,7 @@ class Shown(NamedTuple):
     """What the live camera shows of the reference."""
 
     grey: np.ndarray  # (M, N) float32 grey levels
-    colours: np.ndarray  # (M, N) or (M, N, 3) uint8 display values, 0 where not complete
+    colours: np.ndarray | None  # (M, N[, 3]) uint8 display values, 0 where not complete, or None
     complete: np.ndarray  # (M, N) bool, where the reference covers the whole exposure
 
 

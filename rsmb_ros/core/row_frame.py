@@ -14,7 +14,7 @@ from .frame import RegisteredFrame
 from .layers import NO_SHIFT
 from .motion import CameraPath, Grid, coordinates_from_poses, still_path
 from .reference import Reference
-from .render import Window
+from .render import Shown, Window
 from .row_estimator import RowEstimator
 from .row_fit import RowFit
 
@@ -109,16 +109,14 @@ class RowFrame(RegisteredFrame):
         sums = self._rows.weights.sum(axis=1)[self._rows.solved]
         return float(np.median(sums)) if sums.size else float('nan')
 
-    def render(
-        self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Display values a layer would have in the live frame, and where they hold."""
+    def render(self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT) -> Shown:
+        """Show a layer at relative depth `depth`, moved by `shift` x, y [px], in grey."""
         poses = self._rows.poses.copy()
         poses[..., :2] += depth * np.asarray(shift)  # layers move by t / d
         rows = replace(self._rows, poses=poses)
         image, complete = rows.render(self._reference.fine_grey, depth, self._executor)
         known = complete & self._known[:, None]
-        return np.clip(image[window.box], 0.0, 255.0), known[window.box]
+        return Shown(np.clip(image[window.box], 0.0, 255.0), None, known[window.box])
 
     @cached_property
     def _known(self) -> np.ndarray:
