@@ -21,6 +21,7 @@ from .segmentation import Blob
 
 GAP = 0.04  # of the width: gaps in an object's outline that still belong to it
 EDGE = 9  # px: an object's outline is known to half of this
+NEAR_EDGE = 9  # px from the edge of the live frame, where little is judged: an object goes on
 RIM = 0.02  # share of the exposure that makes a pixel a rim
 STEP_PX = 2.0  # px an object moves between two looks at it; its outline, drawn by EDGE, has no gaps
 SLIGHT = 1.5  # px of parallax, below which what an object uncovers is no more than its rim
@@ -153,29 +154,46 @@ def _cover_in_reference(pieces: Sequence[Layer], place: Place, path: CameraPath)
     """Draw the pieces at one place on the reference's grid, sure and perhaps."""
     coordinates = path.row_centroids().copy()
     coordinates[:, :2] += place.relative_depth * np.asarray(place.shift)
+    gaps = max(3, round(GAP * path.grid.reference_shape[1]))
+    continued = [_continued(piece, path.grid.live_shape, gaps) for piece in pieces]
     mapped = []
-    for piece in pieces:
-        rows = coordinates[piece.blob.box[0]]
-        mapped.append(homographies(rows, path.grid, place.relative_depth))
+    for _, blob in continued:
+        rows = np.arange(blob.y, blob.y + len(blob.mask)).clip(0, len(coordinates) - 1)
+        mapped.append(homographies(coordinates[rows], path.grid, place.relative_depth))
     corners = np.array(
-        [_reach(piece.blob, own, path.grid) for piece, own in zip(pieces, mapped, strict=True)]
+        [_reach(blob, own, path.grid) for (_, blob), own in zip(continued, mapped, strict=True)]
     )
     left, top = (corners[:, 0].min(axis=0) - EDGE).tolist()
     right, bottom = (corners[:, 1].max(axis=0) + EDGE + 1).tolist()
     drawn = np.zeros((2, bottom - top, right - left), np.uint8)  # sure, perhaps
-    for piece, own in zip(pieces, mapped, strict=True):
-        masks = np.stack([piece.sure, piece.blob.mask])
+    for (sure, blob), own in zip(continued, mapped, strict=True):
         draw_masks(
-            masks, piece.blob.x, piece.blob.y, own.reshape(-1, 9), path.grid.center, left, top,
-            drawn,
+            np.stack([sure, blob.mask]), blob.x, blob.y, own.reshape(-1, 9), path.grid.center,
+            left, top, drawn,
         )  # fmt: skip
     outline = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (EDGE, EDGE))
-    gaps = max(3, round(GAP * path.grid.reference_shape[1]))
     sure = cv2.erode(_without_gaps(drawn[0], EDGE), outline)
     perhaps = cv2.dilate(_without_gaps(drawn[1], gaps), outline)
     # between four pixels an image is a mixture of them: all count
     cell = {'kernel': np.ones((2, 2), np.uint8), 'anchor': (0, 0)}
     return _Cover(cv2.erode(sure, **cell) + cv2.dilate(perhaps, **cell), left, top)
+
+
+def _continued(piece: Layer, shape: tuple[int, int], gaps: int) -> tuple[np.ndarray, Blob]:
+    """
+    Return where a piece surely is, and perhaps: beyond the live frame, where it reaches its edge.
+
+    What goes on out of sight has gaps there, too, and they show where it has moved.
+    """
+    blob = piece.blob
+    edges = [
+        (blob.y, shape[0] - blob.y - blob.mask.shape[0]),
+        (blob.x, shape[1] - blob.x - blob.mask.shape[1]),
+    ]
+    further = [tuple(gaps if gap < NEAR_EDGE else 0 for gap in pair) for pair in edges]
+    perhaps = np.pad(blob.mask, further, mode='edge')
+    (above, _), (before, _) = further
+    return np.pad(piece.sure, further), Blob(perhaps, blob.x - before, blob.y - above)
 
 
 def _reach(blob: Blob, mapping: np.ndarray, grid: Grid) -> np.ndarray:
