@@ -43,10 +43,10 @@ class Points:
         depth = self.inverse_depth
         return replace(
             self,
-            rows=self.rows[::n],
-            columns=self.columns[::n],
-            values=self.values[::n],
-            inverse_depth=None if depth is None else depth[::n],
+            rows=self.rows[::n].copy(),  # contiguous: kernels are compiled once
+            columns=self.columns[::n].copy(),
+            values=self.values[::n].copy(),
+            inverse_depth=None if depth is None else depth[::n].copy(),
         )
 
     def from_center(self, factor: float, grid: Grid) -> np.ndarray:
