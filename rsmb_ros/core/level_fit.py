@@ -111,14 +111,12 @@ class LevelFit:
             fit = _stepped(fit, step, spread, self._dof, start_exposure)
             if iteration >= RELAXED_AFTER and row_step < STOP_STEP[self._stage]:
                 break
+        fit = replace(fit, exposure_held=not free_exposure)
+        if self._level.number:
+            return fit  # to be fitted at full size, which says more
         own, sigma = self._own_exposure(linear, fit, iteration, start_exposure)
-        return replace(
-            fit,
-            information=normal.dense() / fit.sigma**2,
-            exposure_held=not free_exposure,
-            own_exposure=own,
-            own_exposure_sigma=sigma,
-        )
+        information = normal.dense() / fit.sigma**2
+        return replace(fit, information=information, own_exposure=own, own_exposure_sigma=sigma)
 
     def misfits(self, fit: PathFit) -> np.ndarray:
         """Residuals of a fit at each point that it sees, of which `cost` is the mean."""

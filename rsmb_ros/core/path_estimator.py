@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
 from .coarse import StripMatches, start_path
@@ -20,8 +21,8 @@ from .level_fit import SHARP_ROWS, LevelFit
 from .motion import CameraPath, Grid, still_path
 from .normal_equations import MOST_CHANGE, Level
 from .path_fit import PathFit
-from .photometric import Light, to_display
-from .points import Points, select_points
+from .photometric import Light
+from .points import LiveImage, Points
 from .reference import Reference
 from .sampling import half_pixel, pyramid
 from .stream import StreamMemory
@@ -32,6 +33,9 @@ COLD_EXPOSURES = (3.0, 12.0, 36.0, 90.0, 200.0)  # rows, tried when nothing is k
 TRIAL = 4  # iterations each of them gets at half size
 TRIAL_ROWS = 60  # of points, that are enough to tell exposures apart
 FINALISTS = 2  # of them that are fitted until they stand
+LITTLE = 0.1  # share of LITTLE_ROWS rows, under which foreground has bent the path by little
+LITTLE_SHAKING = 0.4  # likewise of a path on denser knots, which small images do not hold
+LITTLE_ROWS = 25
 FOLLOWING_LEVELS = 2  # finest, that the next frame of a stream is fitted at
 
 
@@ -54,16 +58,16 @@ class PathEstimator:
             self._levels.append(Level(half_pixel(image), half_pixel(softer), n))
 
     def estimate(
-        self, live: np.ndarray, matches: StripMatches, exposure: float | None = None
+        self, live: LiveImage, matches: StripMatches, exposure: float | None = None
     ) -> PathFit:
         """
-        Fit the path of `live`, (M, N) float32 in linear light, from the coarse matches.
+        Fit the path of `live` from the coarse matches.
 
         `exposure` [rows], where given, is kept; otherwise the configuration's, or calibrated.
 
         Never raises on image content: a hopeless frame ends with a large `cost`.
         """
-        points = self.points(live, len(self._levels))
+        points = live.points(len(self._levels))
         given = exposure or self._config.shutter.exposure_rows
         if given > 0:
             fit = self._fit_levels(points, self._start(matches, given), 0, free_exposure=False)
@@ -71,7 +75,7 @@ class PathEstimator:
             fit = self._self_calibrated(points, matches)
         return fit
 
-    def follow(self, live: np.ndarray, matches: StripMatches, memory: StreamMemory) -> PathFit:
+    def follow(self, live: LiveImage, matches: StripMatches, memory: StreamMemory) -> PathFit:
         """Fit the path of the next frame of a stream: blur and light are near the last one's."""
         last = memory.last
         assert last is not None
@@ -80,44 +84,48 @@ class PathEstimator:
         start = replace(start, light=last.light, defocus=last.defocus)
         free = given == 0 and not memory.calibrated
         count = min(FOLLOWING_LEVELS, len(self._levels))
-        return self._fit_levels(self.points(live, count), start, 0, free)
+        return self._fit_levels(live.points(count), start, 0, free)
 
-    def shaken(self, live: np.ndarray, matches: StripMatches, knot_rows: float) -> PathFit:
+    def shaken(self, live: LiveImage, matches: StripMatches, knot_rows: float) -> PathFit:
         """Fit a path with its own `knot_rows` to a frame that shakes too much for the usual."""
         given = self._config.shutter.exposure_rows
         start = self._start(matches, given or SHARP_ROWS, knot_rows)
-        return self._fit_levels(self.points(live, len(self._levels)), start, 0, given == 0)
+        return self._fit_levels(live.points(len(self._levels)), start, 0, given == 0)
 
-    def refine(self, live: np.ndarray, fit: PathFit, foreground: np.ndarray) -> PathFit:
+    def refine(self, live: LiveImage, fit: PathFit, foreground: np.ndarray) -> PathFit:
         """
         Fit the path of `live` again from `fit`, without what is known not to be background.
 
         `foreground` (M, N) bool marks pixels of static objects at other depths: in rows that they
         dominate, the path had followed them.
         """
-        count = min(2, len(self._levels))
+        shaking = fit.path.knot_rows < self._config.registration.knot_rows
+        # what covers little of every row has not led the path far off, but an exposure may be
+        little = _most_of_a_row(foreground) < (
+            LITTLE_SHAKING if shaking else LITTLE if fit.exposure_held else 0.0
+        )
+        count = 1 if little else min(2, len(self._levels))
         masks = pyramid(foreground.astype(np.float32), count)
         points = [
-            points.without(mask > 0)
-            for points, mask in zip(self.points(live, count), masks, strict=True)
+            points.without(mask > 0) for points, mask in zip(live.points(count), masks, strict=True)
         ]
-        shaking = fit.path.knot_rows < self._config.registration.knot_rows
-        return self._fit_levels(points, fit, 0, not fit.exposure_held, near=shaking)
+        return self._fit_levels(points, fit, 0, not fit.exposure_held, near=shaking or little)
 
-    def points(self, live: np.ndarray, count: int) -> list[Points]:
-        """Choose the points of `live` at the `count` finest sizes, or at all, full size first."""
-        gamma = self._config.camera.gamma
-        return [
-            select_points(to_display(image, gamma), n)
-            for n, image in enumerate(pyramid(live, min(count, len(self._levels))))
-        ]
+    def level_fit(self, n: int, points: Points, path: CameraPath, shared: bool = True) -> LevelFit:
+        """
+        Return what fits `points` of level `n`, at the depths that `path` lets them see.
 
-    def level_fit(self, n: int, points: Points, path: CameraPath) -> LevelFit:
-        """Return what fits `points` of level `n`, at the depths that `path` lets them see."""
+        The work is `shared` among the threads, or all done by the one that runs it.
+        """
         if self._depth is not None:
             points = points.on(self._depth, path, n)
         return LevelFit(
-            self._levels[n], points, self._grid, self._config, self._executor, self._workspaces
+            self._levels[n],
+            points,
+            self._grid,
+            self._config,
+            self._executor if shared else None,
+            self._workspaces,
         )
 
     def _start(
@@ -141,12 +149,17 @@ class PathEstimator:
         middle = tried[len(tried) // 2]
         start = self._fit_levels(points, self._start(matches, middle), finest + 1, False)
         few = points[finest].every(max(1, len(points[finest].rows) // TRIAL_ROWS))
-        fits = [
-            self._fit_level(finest, few, _with_exposure(start, exposure), True, TRIAL)
-            for exposure in tried
-        ]
-        fits = sorted(fits, key=lambda fit: fit.cost)[:FINALISTS]
-        fits = [self._fit_level(finest, points[finest], fit, True) for fit in fits]
+
+        def trial(exposure: float) -> PathFit:
+            fit = _with_exposure(start, exposure)
+            return self._fit_level(finest, few, fit, True, TRIAL, shared=False)
+
+        def finished(fit: PathFit) -> PathFit:
+            return self._fit_level(finest, points[finest], fit, True, shared=False)
+
+        # the longest first: it takes the longest
+        fits = sorted(self._executor.map(trial, reversed(tried)), key=lambda fit: fit.cost)
+        fits = list(self._executor.map(finished, fits[:FINALISTS]))
         best = min(fits, key=lambda fit: fit.cost)
         return self._fit_levels(points[:finest], best, 0, True)
 
@@ -170,8 +183,15 @@ class PathEstimator:
         free_exposure: bool,
         most: int | None = None,
         near: bool = False,
+        shared: bool = True,
     ) -> PathFit:
-        return self.level_fit(n, points, fit.path).run(fit, free_exposure, most, near)
+        return self.level_fit(n, points, fit.path, shared).run(fit, free_exposure, most, near)
+
+
+def _most_of_a_row(mask: np.ndarray) -> float:
+    """Largest share of a row that a mask (M, N) bool covers, rows as long as knots are apart."""
+    share = mask.mean(axis=1, dtype=np.float32)[:, None]
+    return float(cv2.blur(share, (1, LITTLE_ROWS)).max())
 
 
 def level_count(grid: Grid) -> int:
@@ -191,5 +211,5 @@ def _with_exposure(fit: PathFit, exposure: float) -> PathFit:
     new = still_path(old.grid, old.knot_rows, exposure, _longest(exposure), old.bottom_up)
     knots = new.first_time + new.knot_rows * np.arange(0.0, len(new.control) - 2.5, 0.5)
     basis = new.spline_basis(knots)
-    control, *_ = np.linalg.lstsq(basis, old.coordinates(knots), rcond=None)
+    control = np.linalg.solve(basis.T @ basis, basis.T @ old.coordinates(knots))
     return replace(fit, path=replace(new, control=control))

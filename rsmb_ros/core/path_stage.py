@@ -13,7 +13,7 @@ from .level_fit import SHARP_ROWS
 from .motion import Grid
 from .path_estimator import PathEstimator
 from .path_fit import PathFit
-from .photometric import to_linear
+from .points import LiveImage
 from .reference import Reference
 from .row_refinement import RowRefinement
 from .stream import StreamMemory
@@ -34,6 +34,7 @@ class PathStage:
         self._reference = reference
         self._executor = executor
         self._estimator = PathEstimator(reference, grid, config, executor)
+        self._last: LiveImage | None = None
         self._rows: RowRefinement | None = None
         if config.registration.refine_rows:
             self._rows = RowRefinement(self._estimator, grid, config)
@@ -46,44 +47,47 @@ class PathStage:
 
         `sharp` takes it for a frame without blur, whatever is known of the exposure.
         """
-        linear = to_linear(grey, self._reference.gamma)
-        fit = self._estimator.estimate(linear, matches, SHARP_ROWS if sharp else None)
-        return self._framed(live, grey, linear, fit)
+        image = self._image(grey)
+        fit = self._estimator.estimate(image, matches, SHARP_ROWS if sharp else None)
+        return self._framed(live, image, fit)
 
     def shaken(self, refused: RegisteredFrame, matches: StripMatches) -> PathFrame | None:
         """Register a frame whose rows shake too much for the usual knots; None: it does not."""
         if self._rows is None:
             return None
         assert isinstance(refused, PathFrame)
-        linear = to_linear(refused.grey, self._reference.gamma)
-        fit = self._estimator.shaken(linear, matches, self._rows.knot_rows)
-        frame = self._framed(refused.live, refused.grey, linear, fit)
+        image = self._image(refused.grey)
+        fit = self._estimator.shaken(image, matches, self._rows.knot_rows)
+        frame = self._framed(refused.live, image, fit)
         return frame if frame.fit.cost < SHAKEN * refused.fit.cost else None
 
     def following(
         self, live: np.ndarray, grey: np.ndarray, matches: StripMatches, memory: StreamMemory
     ) -> PathFrame:
         """Register the next frame of a stream, see `frame`."""
-        linear = to_linear(grey, self._reference.gamma)
-        fit = self._estimator.follow(linear, matches, memory)
-        return self._framed(live, grey, linear, fit)
+        image = self._image(grey)
+        fit = self._estimator.follow(image, matches, memory)
+        return self._framed(live, image, fit)
 
     def refined(self, frame: RegisteredFrame, foreground: np.ndarray) -> RegisteredFrame:
         """Register a frame again without its `foreground` (M, N) bool."""
         assert isinstance(frame, PathFrame)
-        linear = to_linear(frame.grey, self._reference.gamma)
-        fit = self._estimator.refine(linear, frame.fit, foreground)
+        fit = self._estimator.refine(self._image(frame.grey), frame.fit, foreground)
         return self.frame_class(self._reference, frame.live, frame.grey, fit, self._executor)
 
-    def _framed(
-        self, live: np.ndarray, grey: np.ndarray, linear: np.ndarray, fit: PathFit
-    ) -> PathFrame:
+    def _image(self, grey: np.ndarray) -> LiveImage:
+        """Return what the fit sees of a frame, that of the last one if it is the same."""
+        if self._last is None or self._last.grey is not grey:
+            self._last = LiveImage(grey, self._reference.gamma)
+        return self._last
+
+    def _framed(self, live: np.ndarray, image: LiveImage, fit: PathFit) -> PathFrame:
         """Return the frame of a fit, its rows followed where that measures better."""
 
         def build(fit: PathFit) -> PathFrame:
-            return self.frame_class(self._reference, live, grey, fit, self._executor)
+            return self.frame_class(self._reference, live, image.grey, fit, self._executor)
 
         frame = build(fit)
         if self._rows is None:
             return frame
-        return self._rows.refined(frame, linear, build)
+        return self._rows.refined(frame, image, build)

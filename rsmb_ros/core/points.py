@@ -10,6 +10,8 @@ from ._kernels.depth import point_depths
 from ._kernels.fit_row import strongest_gradients
 from .depth_map import EDGE_STEP, DepthMap
 from .motion import CameraPath, Grid
+from .photometric import to_display, to_linear
+from .sampling import pyramid
 
 ROW_STEP = 4  # rows between rows of points, at full size
 BIN_WIDTH = 7  # px per point at full size, about
@@ -41,10 +43,10 @@ class Points:
         depth = self.inverse_depth
         return replace(
             self,
-            rows=self.rows[::n],
-            columns=self.columns[::n],
-            values=self.values[::n],
-            inverse_depth=None if depth is None else depth[::n],
+            rows=self.rows[::n].copy(),  # contiguous: kernels are compiled once
+            columns=self.columns[::n].copy(),
+            values=self.values[::n].copy(),
+            inverse_depth=None if depth is None else depth[::n].copy(),
         )
 
     def from_center(self, factor: float, grid: Grid) -> np.ndarray:
@@ -75,6 +77,25 @@ class Points:
             values=np.where(off, np.float32(SWITCHED_OFF), self.values),
             inverse_depth=np.where(off, np.float32(1.0), inverse),
         )
+
+
+class LiveImage:
+    """A live frame, and where it is compared at each size: chosen once, on demand."""
+
+    def __init__(self, grey: np.ndarray, gamma: float) -> None:
+        """Take the frame's grey levels (M, N) float32 and the camera's tone curve."""
+        self.grey = grey
+        self._gamma = gamma
+        self._sizes = [to_linear(grey, gamma)]
+        self._points = [select_points(grey, 0)]
+
+    def points(self, count: int) -> list[Points]:
+        """Return the points at the `count` finest sizes, full size first."""
+        while len(self._points) < count:
+            self._sizes.append(pyramid(self._sizes[-1], 2)[1])
+            image = to_display(self._sizes[-1], self._gamma)
+            self._points.append(select_points(image, len(self._points)))
+        return self._points[:count]
 
 
 def select_points(image: np.ndarray, n: int) -> Points:

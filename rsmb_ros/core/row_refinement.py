@@ -18,9 +18,9 @@ from .config import Config
 from .level_fit import SHARP_ROWS
 from .motion import Grid, still_path
 from .normal_equations import MOST_CHANGE
-from .path_estimator import PathEstimator
+from .path_estimator import PathEstimator, level_count
 from .path_fit import PathFit
-from .points import Points
+from .points import LiveImage, Points
 from .row_signal import row_signal, second_half
 
 # A vibration is worth the time when shifts of rows that one half of the columns asks for explain
@@ -65,6 +65,7 @@ class RowRefinement:
         self._estimator = estimator
         self._grid = grid
         self._config = config
+        self._levels = min(LEVELS, level_count(grid))
 
     @property
     def knot_rows(self) -> float:
@@ -72,7 +73,7 @@ class RowRefinement:
         return max(MIN_KNOT_ROWS, self._config.registration.knot_rows / DENSER[0][0])
 
     def refined(
-        self, frame: AnyFrame, live: np.ndarray, build: Callable[[PathFit], AnyFrame]
+        self, frame: AnyFrame, live: LiveImage, build: Callable[[PathFit], AnyFrame]
     ) -> AnyFrame:
         """
         Return the frame by a path that follows its rows, or as it is.
@@ -81,8 +82,8 @@ class RowRefinement:
         ----------
         frame : Frame
             As fitted.
-        live : ndarray of shape (M, N), float32
-            Its linear light.
+        live : LiveImage
+            What the fit sees of it.
         build : callable
             Makes the frame of a fit.
 
@@ -99,7 +100,7 @@ class RowRefinement:
             signal = row_signal(frame.predicted, frame.residual, frame.judged)
             if signal.share < MIN_SIGNAL:
                 break
-            points = points or self._estimator.points(live, LEVELS)
+            points = points or live.points(self._levels)
             start = _Start(frame.fit, knot_rows / denser, signal.shift)
             fit = self._fitted(points, start, knot_rows)
             enough = misfit - gain * max(misfit, LEAST_MISFIT)
@@ -163,7 +164,7 @@ class _Start:
             return [self._with(found)]
         # an exposure that was smeared over the vibration is far too long
         others = [found] if MOST_CHANGE * SHARP_ROWS < found <= longest else []
-        return [self._with(exposure) for exposure in (min(found, SHARP_ROWS), *others)]
+        return [self._with(exposure) for exposure in (SHARP_ROWS, *others)]
 
     def like(self, fit: PathFit) -> PathFit:
         """Return the start with exposure and light of `fit`, the exposure to be kept."""
