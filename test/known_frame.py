@@ -48,11 +48,11 @@ class KnownFrame:
         """Search for the depths of its objects."""
         frame = self.frame
         return DepthSearch(
-            frame.grey,
+            frame,
             self.noise,
-            frame.render,
             frame.energy(self.noise),
-            frame.path,
+            None,
+            (self.mask > 0) | ~frame.judged,
             LayersConfig(),
             ChangeConfig(),
         )

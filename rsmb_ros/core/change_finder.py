@@ -170,6 +170,7 @@ class ChangeFinder:
         search = DepthSearch(
             frame,
             seen.noise,
+            frame.energy(seen.noise),
             seen.colour.limit if seen.colour else None,
             _standing_out(frame, seen, known),
             config.layers,

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import cv2
 import numpy as np
@@ -73,6 +72,7 @@ class DepthSearch:
 
     frame: RegisteredFrame
     noise: NoiseTable
+    energy: DepthEnergy
     tint_limit: float | None  # levels, that colours may be off; None: grey
     marked: np.ndarray  # (M, N) bool, where the ground does not explain the frame, or is not asked
     config: LayersConfig
@@ -88,11 +88,6 @@ class DepthSearch:
     def path(self) -> CameraPath:
         """Path of the camera."""
         return self.frame.path
-
-    @cached_property
-    def energy(self) -> DepthEnergy:
-        """How well depths fit."""
-        return self.frame.energy(self.noise)
 
     def explain(self, blob: Blob, known: Sequence[Layer] = ()) -> Layer | None:
         """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import cv2
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from known_frame import displacement, known_frame
 
+from rsmb_ros.core import depth_search
 from rsmb_ros.core.layers import Layer, Place
 from rsmb_ros.core.segmentation import Blob, blobs
 from rsmb_ros.core.synthesis import CHANGED, NEW, Scene, Sheet
@@ -190,7 +192,9 @@ def test_what_nothing_explained_is_not_asked_again(ground, executor):
     for moved, again in ((0.1, 0), (0.6, at_first)):
         control = search.path.control.copy()
         control[:, 1] += moved
-        other = replace(search, path=replace(search.path, control=control))
+        frame = copy(found.frame)
+        frame.fit = replace(frame.fit, path=replace(search.path, control=control))
+        other = replace(search, frame=frame)
         assert questions(other, blob) == again, moved
     # what a depth explains is asked again: its path may have become another
     assert questions(search, house) == questions(search, house) > 10
@@ -207,6 +211,22 @@ def test_no_place_explains_a_new_object(ground, executor, kind, seed):
         for blob in found.blobs_on(thing):
             layer = found.search.explain(blob)
             assert cover_of(layer)[thing].mean() < 0.1, layer.place
+
+
+def test_other_ground_does_not_explain_where_an_object_has_gone_from(executor, monkeypatch):
+    """Plain ground looks like plain ground at any depth; only a static object stands out twice."""
+    rng = np.random.default_rng(6)
+    size = (SHAPE[0] + 2 * MARGIN, SHAPE[1] + 2 * MARGIN)
+    grain = cv2.GaussianBlur(rng.normal(0, 4, size), (0, 0), 1.5)
+    plain = np.clip(118 + grain, 0, 255).astype(np.uint8)
+    white = np.full((22, 20), 235, np.uint8)
+    gone = Sheet(white, np.ones(white.shape, np.float32), 150, 110, name='gone')
+    found = known_frame(scene(plain, gone), executor, after=scene(plain))
+    blob = largest(found, np.ones(SHAPE, bool))
+    assert blob.area > 300
+    assert found.search.explain(blob) is None
+    monkeypatch.setattr(depth_search, 'MIN_DISPLACED', -1.0)
+    assert found.search.explain(blob) is not None
 
 
 @pytest.mark.parametrize('kind', ['plain', 'stripes', 'grain', 'car'])

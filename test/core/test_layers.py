@@ -145,7 +145,7 @@ def test_what_a_layer_shows_from_beyond_the_reference_is_not_judged(ground, text
     found = known_frame(Scene(ground, 40, (box(texture_of, 0.75, x=250.0),)), executor)
     layer = layer_of(found, Place(0.75))
     frame = found.frame
-    _, complete = frame.render(0.75, Window(0, SHAPE[0], 0, SHAPE[1]))
+    complete = frame.render(0.75, Window(0, SHAPE[0], 0, SHAPE[1])).complete
     beyond = (found.truth.layers > 0) & ~complete & frame.judged
     assert np.count_nonzero(beyond) > 100, 'else there is nothing to judge wrongly'
     frame.put_in_front([layer])
@@ -160,6 +160,22 @@ def test_a_front_is_worked_out_once(boxed):
     (front,) = known.of([first])
     assert known.of([first, second])[1] is front
     assert known.of([replace(first)])[0] is not front
+
+
+@pytest.mark.parametrize('side', ['left', 'right', 'top', 'bottom'])
+def test_a_gap_at_the_edge_of_the_frame_belongs_to_what_goes_on_beyond_it(boxed, executor, side):
+    """Two walls of a house that only shows in part, the roof between them like the ground."""
+    walls = np.zeros((28, 40), bool)
+    walls[:9] = walls[-9:] = True
+    x, y = {'left': (5, 60), 'right': (SHAPE[1] - 45, 60), 'top': (90, 5), 'bottom': (90, 0)}[side]
+    if side in ('top', 'bottom'):
+        walls = walls.T
+        y = 5 if side == 'top' else SHAPE[0] - 45
+    layer = Layer(Blob(walls, x, y), walls, Place(0.97), 1.0)
+    inside, edge = masks(boxed, [layer], executor)
+    roof = np.zeros(SHAPE, bool)
+    roof[y : y + walls.shape[0], x : x + walls.shape[1]] = True
+    assert (inside | edge)[roof].mean() > 0.97
 
 
 def test_a_window_is_no_larger_than_its_masks(boxed):
@@ -187,7 +203,7 @@ def test_at_a_slight_parallax_only_where_it_matters_an_outline_is_not_judged(
     layer = layer_of(near, Place(0.97))
     (front,) = Fronts(near.frame.path).of([layer])
     assert front.slight
-    own, complete = near.frame.render(0.97, front.window)
+    own, _, complete = near.frame.render(0.97, front.window)
     unknown = front.unknown(own, complete, near.frame.predicted[front.window.box])
     apart = np.abs(own - near.frame.predicted[front.window.box]) > 10.0
     assert unknown[front.edge & apart].all()
@@ -195,7 +211,7 @@ def test_at_a_slight_parallax_only_where_it_matters_an_outline_is_not_judged(
     assert 0.2 < np.count_nonzero(unknown) / np.count_nonzero(front.edge) < 0.9
     (far,) = Fronts(near.frame.path).of([replace(layer, place=Place(0.8))])
     assert not far.slight
-    own, complete = near.frame.render(0.8, far.window)
+    own, _, complete = near.frame.render(0.8, far.window)
     same = far.unknown(own, complete, own)
     np.testing.assert_array_equal(same, far.edge | (far.inside & ~complete))
 

@@ -116,7 +116,7 @@ def test_exposure_that_was_smeared_over_the_vibration_is_found_again(texture):
 
 
 def test_rows_read_bottom_up_are_followed(texture):
-    found = case(texture, vibration=1.5, period=30.0, bottom_up=True)
+    found = case(texture, vibration=1.5, period=26.0, bottom_up=True)
     result = detected(found, readout='bottom_up')
     assert (
         np.median(row_errors(found, detected(found, refine_rows=False, readout='bottom_up'))) > 0.5
