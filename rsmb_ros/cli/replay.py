@@ -37,7 +37,7 @@ Sink = Callable[[BagFrame, np.ndarray, Result], None]
 
 REGION_COLUMNS = (
     *('kind', 'x', 'y', 'width', 'height', 'area', 'relative_depth', 'score'),
-    *('id', 'first_seen', 'reference_x', 'reference_y'),
+    *('id', 'first_seen', 'reference_x', 'reference_y', 'shadow_like'),
 )
 CSV_COLUMNS = ('frame', 'stamp_ns', 'status', *REGION_COLUMNS)
 

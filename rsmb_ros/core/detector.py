@@ -15,6 +15,7 @@ from threadpoolctl import ThreadpoolController
 from .agreement import MIN_SHARPNESS, agreement, sharpness
 from .camera import Camera
 from .change_finder import ChangeFinder, Finding
+from .changes import changes_of, mask_of
 from .clock import Clock
 from .coarse import CoarseSearch, StripMatches
 from .config import Config
@@ -29,9 +30,9 @@ from .path_stage import PathStage
 from .persistence import RegionMemory
 from .photometric import luma
 from .reference import Reference
-from .regions import change_region, static_region
+from .regions import static_region
 from .row_frame import RowStage
-from .segmentation import Blob, blobs, drawn, tightened, without_small, without_thin
+from .segmentation import Blob
 from .stream import StreamMemory
 from .types import NOT_REGISTERED, REGISTERED, Result
 from .workers import Workers
@@ -203,23 +204,19 @@ class Detector:
         return None if frame is None or self._misfit(frame) else frame
 
     def _registered(self, finding: Finding, stamp: int | None, clock: Clock) -> Result:
-        frame, seen = finding.frame, finding.seen
-        mask = without_small(without_thin(seen.mask * frame.judged), self.config.change)
-        mask = without_small(tightened(mask, seen.sharp, self.config.change), self.config.change)
-        found = blobs(mask)
-        changes = [
-            change_region(blob, seen.strength, self.config.change.threshold_high) for blob in found
-        ]
+        frame = finding.frame
+        changes = changes_of(finding, self.config.change)
         if self._regions.enabled:
             with clock.step('persistence'):
+                found = [change.blob for change in changes]
                 known = self._regions.update(found, frame.path, frame.judged, stamp)
-            mask = drawn([blob for blob, one in zip(found, known, strict=True) if one], mask.shape)
             changes = [
-                replace(change, **asdict(one))
+                replace(change, region=replace(change.region, **asdict(one)))
                 for change, one in zip(changes, known, strict=True)
                 if one
             ]
-        regions = (*changes, *map(static_region, finding.layers))
+        mask = mask_of(changes, frame.grey.shape)
+        regions = (*(change.region for change in changes), *map(static_region, finding.layers))
         return Result(
             status=REGISTERED,
             reason='',

@@ -122,6 +122,15 @@ def _without_small(mask: np.ndarray, least: float) -> np.ndarray:
     return result
 
 
+def without_weak(mask: np.ndarray, evidence: np.ndarray, config: ChangeConfig) -> np.ndarray:
+    """Drop connected regions whose evidence (M, N) [sigma] nowhere reaches `threshold_high`."""
+    result = mask.copy()
+    for blob in blobs(mask):
+        if evidence[blob.box][blob.mask].max() < config.threshold_high:
+            result[blob.box][blob.mask] = 0
+    return result
+
+
 def without_thin(mask: np.ndarray) -> np.ndarray:
     """Drop what is thinner than a few pixels from a mask (M, N) uint8 0/1."""
     return cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((OPEN_SIZE, OPEN_SIZE), np.uint8))

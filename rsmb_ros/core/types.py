@@ -34,6 +34,7 @@ class Region:
     first_seen: int | None = None  # stamp of the first frame that showed it [ns]; None: unknown
     reference_x: float | None = None  # column of its centre on the reference's ground [px]
     reference_y: float | None = None  # row of its centre on the reference's ground [px]
+    shadow_like: bool = False  # a change of light only, as a cast shadow makes it
 
 
 class Views(Protocol):

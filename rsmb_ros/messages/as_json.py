@@ -67,6 +67,7 @@ def _region(region: Any) -> dict[str, Any]:
         'first_seen': None if region.first_seen is None else _time(region.first_seen),
         'reference_x': _number(region.reference_x),
         'reference_y': _number(region.reference_y),
+        'shadow_like': region.shadow_like,
     }
 
 

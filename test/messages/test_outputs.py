@@ -131,6 +131,7 @@ def test_regions_json_says_what_was_found_and_when(make_result):
                 'first_seen': None,
                 'reference_x': None,
                 'reference_y': None,
+                'shadow_like': False,
             }
         ],
         'timings_ms': {'coarse': 2.5},

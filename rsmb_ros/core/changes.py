@@ -1,0 +1,40 @@
+"""What of a settled frame is reported as changed: cut to what is sure, parted, named."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .change_finder import Finding
+from .config import ChangeConfig
+from .regions import change_region
+from .segmentation import Blob, blobs, drawn, tightened, without_small, without_thin, without_weak
+from .types import Region
+
+
+@dataclass(frozen=True)
+class Change:
+    """One object that is new, or gone, in the live frame."""
+
+    blob: Blob
+    region: Region
+
+
+def changes_of(finding: Finding, config: ChangeConfig) -> list[Change]:
+    """
+    Return the changes of a frame, top to bottom.
+
+    What is left of a candidate when static objects, unknown pixels and the width of the evidence's
+    window are cut away must still be large enough and reach `threshold_high` by itself.
+    """
+    frame, seen = finding.frame, finding.seen
+    mask = without_small(without_thin(seen.mask * frame.judged), config)
+    mask = without_small(tightened(mask, seen.sharp, config), config)
+    mask = without_weak(mask, seen.strength, config)
+    return [Change(blob, change_region(blob, seen.strength, frame.judged)) for blob in blobs(mask)]
+
+
+def mask_of(changes: list[Change], shape: tuple[int, ...]) -> np.ndarray:
+    """Draw changes into an empty mask of `shape` (M, N), uint8 0/1."""
+    return drawn([change.blob for change in changes], shape)
