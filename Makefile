@@ -55,8 +55,8 @@ bench-speed: .venv/installed
 
 # Editable, so that tests and demo run the checkout, its data files included. pip then leaves the
 # ament index alone, so the package is registered by links, also to the checkout.
-.venv/installed: PIP_OPTIONS := '.[ros,test,dev]'
-$(OLDEST)/installed: PIP_OPTIONS := '.[ros,test]' --constraint test/oldest.txt
+.venv/installed: PIP_OPTIONS := '.[ros,test,interop,dev]'
+$(OLDEST)/installed: PIP_OPTIONS := '.[ros,test,interop]' --constraint test/oldest.txt
 $(OLDEST)/installed: test/oldest.txt
 .venv/bin/python: NEWEST := 99
 $(OLDEST)/bin/python: NEWEST := 12
