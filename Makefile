@@ -2,8 +2,10 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
-INDEX := .venv/share/ament_index/resource_index/packages
+OLDEST := .venv-oldest
 OUT ?= out
+# What test-oldest runs.
+TESTS ?= test
 # Real photos and a video for the suites that need them; without them the others are run.
 DATA ?= ../shared/data
 SUITES := quick planar layered regimes far light weak-texture big-change nochange authors
@@ -13,11 +15,12 @@ REAL := $(if $(wildcard $(DATA)/aerial),photos video --data $(DATA))
 export AMENT_PREFIX_PATH := $(CURDIR)/.venv
 unexport PYTHONPATH LD_LIBRARY_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help demo test lint bench bench-speed clean
+.PHONY: help demo test test-oldest lint bench bench-speed clean
 
 help:
 	@echo 'make demo    play the bag to the real node; report in $(OUT)/demo.html'
 	@echo 'make test    all tests, then the oracle tests without the JIT'
+	@echo 'make test-oldest  the tests with the versions of Ubuntu 24.04, Python 3.10 to 3.12'
 	@echo 'make lint    ruff and mypy'
 	@echo 'make bench   all suites with all rivals (half an hour), then bench-speed'
 	@echo 'make bench-speed  time beside ECC, over sizes, in a stream (half an hour)'
@@ -30,6 +33,10 @@ demo: .venv/installed
 test: .venv/installed
 	$(BIN)/pytest -q
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest -q -m oracle test/core
+
+# With the versions that Ubuntu 24.04 gives a user of Jazzy.
+test-oldest: $(OLDEST)/installed
+	AMENT_PREFIX_PATH=$(CURDIR)/$(OLDEST) $(OLDEST)/bin/pytest -q $(TESTS)
 
 lint: .venv/installed
 	$(BIN)/ruff check .
@@ -48,21 +55,27 @@ bench-speed: .venv/installed
 
 # Editable, so that tests and demo run the checkout, its data files included. pip then leaves the
 # ament index alone, so the package is registered by links, also to the checkout.
-.venv/installed: setup.py pyproject.toml Makefile | .venv/bin/python
-	@echo 'installing into .venv (some minutes the first time)'
-	@$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[ros,test,dev]'
-	@mkdir -p $(INDEX) .venv/share/rsmb_ros .venv/lib/rsmb_ros
-	@ln -sfn $(CURDIR)/resource/rsmb_ros $(INDEX)
-	@ln -sfn $(addprefix $(CURDIR)/,package.xml launch config bags) .venv/share/rsmb_ros
-	@ln -sfn $(wildcard $(CURDIR)/scripts/*) .venv/lib/rsmb_ros
+.venv/installed: PIP_OPTIONS := '.[ros,test,interop,dev]'
+$(OLDEST)/installed: PIP_OPTIONS := '.[ros,test,interop]' --constraint test/oldest.txt
+$(OLDEST)/installed: test/oldest.txt
+.venv/bin/python: NEWEST := 99
+$(OLDEST)/bin/python: NEWEST := 12
+
+.venv/installed $(OLDEST)/installed: %/installed: setup.py pyproject.toml Makefile | %/bin/python
+	@echo 'installing into $* (some minutes the first time)'
+	@$*/bin/pip install --quiet --disable-pip-version-check --editable $(PIP_OPTIONS)
+	@mkdir -p $*/share/ament_index/resource_index/packages $*/share/rsmb_ros $*/lib/rsmb_ros
+	@ln -sfn $(CURDIR)/resource/rsmb_ros $*/share/ament_index/resource_index/packages
+	@ln -sfn $(addprefix $(CURDIR)/,package.xml launch config bags) $*/share/rsmb_ros
+	@ln -sfn $(wildcard $(CURDIR)/scripts/*) $*/lib/rsmb_ros
 	@touch $@
 
-.venv/bin/python:
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
-		{ echo "$(PYTHON) is $$($(PYTHON) -V 2>&1), needed is 3.10 or newer: PYTHON=python3.12 make ..."; exit 1; }
-	@$(PYTHON) -m venv .venv || \
-		{ rm -rf .venv; echo '$(PYTHON) has no venv: sudo apt-get install python3-venv'; exit 1; }
+.venv/bin/python $(OLDEST)/bin/python: %/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, $(NEWEST)))' || \
+		{ echo "$(PYTHON) is $$($(PYTHON) -V 2>&1), $* needs 3.10 to 3.$(NEWEST): PYTHON=python3.12 make ..."; exit 1; }
+	@$(PYTHON) -m venv $* || \
+		{ rm -rf $*; echo '$(PYTHON) has no venv: sudo apt-get install python3-venv'; exit 1; }
 
 clean:
-	rm -rf .venv $(OUT) build install log dist *.egg-info .pytest_cache .ruff_cache .mypy_cache
+	rm -rf .venv $(OLDEST) $(OUT) build install log dist *.egg-info .pytest_cache .ruff_cache .mypy_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

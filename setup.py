@@ -71,6 +71,11 @@ setup(
             'ros-jazzy-std-msgs',
             'ros-jazzy-std-srvs',
         ],
+        # Clients that share no code with ROS, for the tests; like ROS' wheels they are few.
+        'interop': [
+            'cyclonedds>=11; python_version < "3.14" and platform_machine == "x86_64"',
+            'rosless>=0.5; platform_machine == "x86_64"',
+        ],
         'osqp': ['osqp>=1.0'],  # second solver of the row estimator
         # colcon runs pytest only if it is named here
         'test': ['hypothesis>=6.80', 'osqp>=1.0', 'pytest>=7.4', 'setuptools'],

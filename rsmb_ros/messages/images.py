@@ -231,6 +231,15 @@ def _code_of_decoded(pixels: np.ndarray, text: str) -> int | None:
     return source.code if source and text.startswith('bayer_') else None
 
 
+def check_depth(msg: Any, max_megapixels: float = math.inf) -> None:
+    """Raise what can be said against a depth image without touching a pixel; see below."""
+    encoding = _DEPTH_ENCODINGS.get(msg.encoding)
+    if encoding is None:
+        known = ', '.join(_DEPTH_ENCODINGS)
+        raise MalformedMessage('encoding', f'encoding is {msg.encoding!r}, of depth: {known}')
+    _check_layout(msg, encoding, max_megapixels)
+
+
 def depth_from_msg(msg: Any, max_megapixels: float = math.inf) -> np.ndarray:
     """
     Return the relative depth that a depth image tells (REP 118): 32FC1 [m] or 16UC1 [mm].
@@ -249,12 +258,8 @@ def depth_from_msg(msg: Any, max_megapixels: float = math.inf) -> np.ndarray:
         If the encoding is another one, the data is too short, or there is no depth at all.
 
     """
-    encoding = _DEPTH_ENCODINGS.get(msg.encoding)
-    if encoding is None:
-        known = ', '.join(_DEPTH_ENCODINGS)
-        raise MalformedMessage('encoding', f'encoding is {msg.encoding!r}, of depth: {known}')
-    _check_layout(msg, encoding, max_megapixels)
-    depth = _values(msg, encoding).astype(np.float32)
+    check_depth(msg, max_megapixels)
+    depth = _values(msg, _DEPTH_ENCODINGS[msg.encoding]).astype(np.float32)
     depth[~(np.isfinite(depth) & (depth > 0.0))] = np.nan
     if np.isnan(depth).all():
         raise MalformedMessage('no depth', f'no pixel of {depth.shape} has a depth above 0')

@@ -12,9 +12,10 @@ from rsmb_ros.core.errors import FrameError
 from rsmb_ros.core.types import Result
 
 from .health import Health
-from .pairing import Pair
+from .logs import LOG_EVERY_S, Log
 from .processing import Processing
-from .reception import LOG_EVERY_S, MALFORMED, Frame, Log
+from .reception import MALFORMED, Frame
+from .references import References
 
 # Causes of dropped frames, beside those of worker, reception and outputs.
 NO_REFERENCE = 'no reference'
@@ -69,8 +70,11 @@ class Answering:
         self._processing.prepare()
         self._log.info(f'kernels compiled in {time.monotonic() - start:.1f} s')
 
-    def reference(self, pair: Pair) -> None:
+    def reference(self, references: References) -> None:
         """Take a reference; one that cannot be used leaves none."""
+        pair = references.take()
+        if pair is None:
+            return
         try:
             self._processing.set_reference(pair.image, pair.depth)
         except FrameError as error:

@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.event_handler import (
+    PublisherEventCallbacks,
+    QoSPublisherMatchedInfo,
+    SubscriptionEventCallbacks,
+    UnsupportedEventTypeError,
+)
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
@@ -20,14 +25,41 @@ _POLICIES: dict[str, tuple[str, ...] | None] = {
 }
 
 
-def publisher(node: Node, message_class: type, topic: str, depth: int) -> Any:
-    """Create a reliable publisher that keeps `depth` messages."""
+class Audience:
+    """Whether somebody subscribes to a topic, as the middleware's events tell it."""
+
+    def __init__(self) -> None:
+        self.present = False
+
+    def matched(self, info: QoSPublisherMatchedInfo) -> None:
+        """Take the event of a subscription that came or went; in the executor's thread."""
+        self.present = info.current_count > 0
+
+
+def publisher(
+    node: Node, message_class: type, topic: str, depth: int, audience: Audience | None = None
+) -> Any:
+    """Create a reliable publisher that keeps `depth` messages and tells its audience, if given."""
     qos = QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
-    overrides = QoSOverridingOptions.with_default_policies()
-    return _with_qos(
-        topic,
-        lambda: node.create_publisher(message_class, topic, qos, qos_overriding_options=overrides),
-    )
+
+    def create(events: PublisherEventCallbacks) -> Any:
+        return node.create_publisher(
+            message_class,
+            topic,
+            qos,
+            event_callbacks=events,
+            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
+        )
+
+    def create_for_audience() -> Any:
+        if audience is not None:
+            try:
+                return create(PublisherEventCallbacks(matched=audience.matched))
+            except UnsupportedEventTypeError:  # of a middleware that knows no such event
+                audience.present = True  # perhaps
+        return create(PublisherEventCallbacks())
+
+    return _with_qos(topic, create_for_audience)
 
 
 def subscription(

@@ -19,11 +19,12 @@ from . import parameters
 from .answering import Answering
 from .endpoints import publisher
 from .health import ACTIVE, Health, NodeState
+from .logs import LOG_EVERY_S
 from .managed import answer_wrong_transitions, telling
 from .outputs import INACTIVE, Outputs
-from .pairing import Pair
 from .processing import Processing
-from .reception import LOG_EVERY_S, PAUSED, Frame, Reception
+from .reception import PAUSED, Frame, Reception
+from .references import References
 from .subscriptions import Subscriptions, Topics
 from .worker import Counts, Worker
 
@@ -55,7 +56,7 @@ class RsmbNode(LifecycleNode):
         self._state = 'unconfigured'
         self._paused = self._stop_wanted = False
         self._health = Health()
-        self._worker: Worker[Frame, Pair] | None = None
+        self._worker: Worker[Frame, References] | None = None
         self._outputs: Outputs | None = None
         self._reception: Reception | None = None
         self._listening: Subscriptions | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rclpy.node import Node
@@ -11,14 +11,22 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Float32MultiArray, String
 
 from rsmb_ros.core.types import Result
-from rsmb_ros.messages.outputs import IMAGE, OUTPUTS, ROWS, TEXT
+from rsmb_ros.messages.outputs import IMAGE, OUTPUTS, ROWS, TEXT, Output
 
-from .endpoints import publisher
+from . import detections
+from .endpoints import Audience, publisher
 from .factory import RclpyFactory
 
 INACTIVE = 'not active'  # a cause of dropped frames
 
-_MESSAGE_CLASSES = {IMAGE: Image, ROWS: Float32MultiArray, TEXT: String}
+_MESSAGE_CLASSES = {IMAGE: Image, ROWS: Float32MultiArray, TEXT: String, **detections.CLASSES}
+_PUBLISHED = (*OUTPUTS, *detections.OUTPUTS)
+
+
+class _Made(NamedTuple):
+    output: Output
+    publisher: Any
+    audience: Audience
 
 
 class Outputs:
@@ -37,15 +45,18 @@ class Outputs:
         self._factory = RclpyFactory()
         self._gate = threading.Lock()
         self._closed = INACTIVE
-        self._made: list[Any] = []
-        for output in OUTPUTS:
-            made = publisher(node, _MESSAGE_CLASSES[output.type], f'~/{output.name}', depth)
-            self._made.append((output, made))
+        self._made: list[_Made] = []
+        for output in _PUBLISHED:
+            audience = Audience()
+            made = publisher(
+                node, _MESSAGE_CLASSES[output.type], f'~/{output.name}', depth, audience
+            )
+            self._made.append(_Made(output, made, audience))
 
     @staticmethod
     def topics(node: Node) -> list[str]:
         """Return the resolved names."""
-        return [node.resolve_topic_name(f'~/{output.name}') for output in OUTPUTS]
+        return [node.resolve_topic_name(f'~/{output.name}') for output in _PUBLISHED]
 
     def open(self) -> None:
         """Let results out."""
@@ -61,8 +72,8 @@ class Outputs:
         """Publish what somebody listens to; return '' or, if closed, why nothing was published."""
         with self._gate:
             if not self._closed:
-                for output, made in self._made:
-                    if made.get_subscription_count():
+                for output, made, audience in self._made:
+                    if audience.present:
                         made.publish(output.build(result, image, self._factory, header))
             return self._closed
 
@@ -70,4 +81,4 @@ class Outputs:
         """Leave no publisher behind."""
         self.close(INACTIVE)
         while self._made:
-            self._node.destroy_publisher(self._made.pop()[1])
+            self._node.destroy_publisher(self._made.pop().publisher)

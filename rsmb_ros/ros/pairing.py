@@ -83,7 +83,7 @@ class Pairing:
 
 def _says_no_more(pair: Pair, given: Pair) -> bool:
     """Whether `pair` holds the image of `given`, and its depth or none."""
-    if not np.array_equal(pair.image, given.image):
+    if pair.image is not given.image and not np.array_equal(pair.image, given.image):
         return False
     if pair.depth is None or given.depth is None:
         return pair.depth is None

@@ -6,46 +6,34 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from rsmb_ros.core.depth_map import checked_depth
-from rsmb_ros.core.errors import FrameError
 from rsmb_ros.messages.camera_info import Intrinsics, intrinsics_from_msg
 from rsmb_ros.messages.errors import MalformedMessage
 from rsmb_ros.messages.images import (
     check_compressed,
+    check_depth,
     check_image,
-    depth_from_msg,
     image_from_compressed,
     image_from_msg,
 )
 from rsmb_ros.messages.stamps import stamp_ns
 
 from .health import Health
-from .pairing import Pair, Pairing
+from .logs import LOG_EVERY_S, Log
+from .references import References
 from .worker import Worker
-
-LOG_EVERY_S = 5.0
 
 # Causes of dropped frames, beside the worker's own.
 MALFORMED = 'malformed'
 PAUSED = 'paused'
 BECAME_REFERENCE = 'became the reference'
 
-
-class Log(Protocol):
-    """What of rclpy's logger is used."""
-
-    def info(self, text: str, **options: Any) -> Any:
-        """Tell."""
-
-    def warning(self, text: str, **options: Any) -> Any:
-        """Warn."""
-
-    def error(self, text: str, **options: Any) -> Any:
-        """Complain."""
+# Fields that make the image of a message.
+_OF_IMAGE = ('encoding', 'height', 'width', 'step', 'is_bigendian', 'data')
+_OF_COMPRESSED = ('format', 'data')
 
 
 @dataclass(frozen=True)
@@ -83,7 +71,7 @@ class Reception:
     def __init__(
         self,
         compressed: bool,
-        worker: Worker[Frame, Pair],
+        worker: Worker[Frame, References],
         health: Health,
         on_intrinsics: Callable[[Intrinsics], None],
         max_megapixels: Callable[[], float],
@@ -98,7 +86,8 @@ class Reception:
         self._max_megapixels = max_megapixels
         self._now_ns = now_ns
         self._log = log
-        self._pairing = Pairing()
+        content = _OF_COMPRESSED if compressed else _OF_IMAGE
+        self._references = References(self._convert, content, health, log)
         self._newest_ns = 0
         self._distortion_told = False
         self.paused = False
@@ -111,9 +100,8 @@ class Reception:
             stamp = stamp_ns(msg.header.stamp)
             self._check(msg, self._max_megapixels())
         except MalformedMessage as error:
-            self._health.malformed(error.cause)
             self._worker.refuse(MALFORMED)
-            self._log.warning(f'image skipped: {error}', throttle_duration_sec=LOG_EVERY_S)
+            self._refuse('image', error)
             return
         self._health.frame_received()
         self._note_stamp(stamp)
@@ -128,37 +116,26 @@ class Reception:
             self._worker.submit_frame(Frame(read, msg.header, stamp, arrived_s))
 
     def reference(self, msg: Any) -> None:
-        """Take a reference."""
+        """Take a reference; it is decoded in the worker."""
         try:
             stamp = stamp_ns(msg.header.stamp)
-            image = self._convert(msg, self._max_megapixels())
+            self._check(msg, self._max_megapixels())
         except MalformedMessage as error:
-            self._health.malformed(error.cause)
-            self._log.warning(f'reference skipped: {error}', throttle_duration_sec=LOG_EVERY_S)
+            self._refuse('reference', error)
             return
-        # A latched publisher reaches both subscriptions, and some repeat their image for ever:
-        # an equal reference changes nothing.
-        pair = self._pairing.image(image, stamp)
-        if pair is not None:
-            self._health.reference_received()
-            self._worker.submit_reference(pair)
+        self._references.leave_image(msg, stamp, self._max_megapixels())
+        self._worker.submit_reference(self._references)
 
     def depth(self, msg: Any) -> None:
-        """Take the depth of a reference."""
+        """Take the depth of a reference; it is converted in the worker."""
         try:
-            depth = depth_from_msg(msg, self._max_megapixels())
             stamp = stamp_ns(msg.header.stamp)
-            pair = self._pairing.depth(checked_depth(depth, depth.shape), stamp)
-        except FrameError as error:
-            self._health.malformed(getattr(error, 'cause', 'depth'))
-            self._log.warning(f'depth skipped: {error}', throttle_duration_sec=LOG_EVERY_S)
+            check_depth(msg, self._max_megapixels())
+        except MalformedMessage as error:
+            self._refuse('depth', error)
             return
-        if pair is not None:
-            self._worker.submit_reference(pair)
-        elif waiting := self._pairing.waiting():
-            self._log.info(
-                f'depth waits for its reference: {waiting}', throttle_duration_sec=LOG_EVERY_S
-            )
+        self._references.leave_depth(msg, stamp, self._max_megapixels())
+        self._worker.submit_reference(self._references)
 
     def camera_info(self, msg: Any) -> None:
         """Take the intrinsics."""
@@ -174,6 +151,10 @@ class Reception:
                 'rectified either, since a rectified row is no longer read at one time'
             )
         self._on_intrinsics(intrinsics)
+
+    def _refuse(self, what: str, error: MalformedMessage) -> None:
+        self._health.malformed(error.cause)
+        self._log.warning(f'{what} skipped: {error}', throttle_duration_sec=LOG_EVERY_S)
 
     def _note_stamp(self, stamp: int) -> None:
         """Tell health of a stamp that time does not explain; the frame is used all the same."""

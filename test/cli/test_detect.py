@@ -107,7 +107,7 @@ def test_missing_file_is_named(detect, swap):
     [
         ('notes.txt', None, "4 bytes of format 'txt' cannot be decoded, must be a JPEG or PNG"),
         ('empty.png', 0, 'has no data'),
-        ('cut.png', 2000, 'cut off: 2000 bytes without its end marker'),
+        ('cut.png', 2000, 'cut off: 2000 bytes without its end\n'),
     ],
 )
 def test_file_that_is_no_image_is_named(rsmb, image_files, tmp_path, name, keep, reason):

@@ -152,6 +152,10 @@ def fitted_bezier(t: np.ndarray, shifts: np.ndarray) -> np.ndarray:
 
     jacobian = np.kron(weights, np.eye(2))
     found = least_squares(
-        errors, start.ravel(), jac=lambda _: jacobian, loss='soft_l1', f_scale=LOSS_PX
+        errors,
+        start.ravel(),
+        jac=lambda _: jacobian.copy(),  # old SciPy (1.11) writes weights into it
+        loss='soft_l1',
+        f_scale=LOSS_PX,
     )
     return found.x.reshape(4, 2)
