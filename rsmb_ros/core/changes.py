@@ -8,6 +8,7 @@ import numpy as np
 
 from .change_finder import Finding
 from .config import ChangeConfig
+from .depth_rims import depth_rims
 from .regions import change_region
 from .segmentation import Blob, blobs, drawn, tightened, without_small, without_thin, without_weak
 from .types import Region
@@ -26,12 +27,16 @@ def changes_of(finding: Finding, config: ChangeConfig) -> list[Change]:
     Return the changes of a frame, top to bottom.
 
     What is left of a candidate when static objects, unknown pixels and the width of the evidence's
-    window are cut away must still be large enough and reach `threshold_high` by itself.
+    window are cut away must still be large enough and reach `threshold_high` by itself. Rims of
+    static objects are no changes: they are marked as not judged.
     """
     frame, seen = finding.frame, finding.seen
     mask = without_small(without_thin(seen.mask * frame.judged), config)
     mask = without_small(tightened(mask, seen.sharp, config), config)
     mask = without_weak(mask, seen.strength, config)
+    rims = depth_rims(mask, finding.layers)
+    frame.judged &= rims == 0
+    mask &= 1 - rims
     return [Change(blob, change_region(blob, seen.strength, frame.judged)) for blob in blobs(mask)]
 
 
