@@ -159,8 +159,9 @@ class DepthSearch:
         enough = share > MIN_SHARE and _largest(explained) >= MIN_CORE * self.live.size
         if not enough or (share <= SURE_SHARE and alike <= MIN_CORRELATION):
             return None, share
+        part = Blob(explained > 0, window.left, window.top)
         if self._other_colour(own, window, explained) or not self._displaced(
-            Blob(explained > 0, window.left, window.top), depth
+            part, depth, alike > MIN_CORRELATION
         ):
             return None, share
         return self._layer(z, mask, window, Place(depth, shift, misfit), share), share
@@ -172,12 +173,13 @@ class DepthSearch:
         off = tint_off(self.frame.live[window.box], own.colours, explained > 0)
         return off > self.tint_limit
 
-    def _displaced(self, blob: Blob, depth: float) -> bool:
+    def _displaced(self, blob: Blob, depth: float, trusted: bool) -> bool:
         """
         Whether something stands out where an object came from, or went to.
 
         A static object does so twice, unless it is like the ground. What does so once is ground
-        that shows where an object has gone: it looks like other ground, at any depth.
+        that shows where an object has gone: it looks like other ground, at any depth. Beyond the
+        frame only what is `trusted`, because it has texture of its own, may come from or go to.
         """
         rows, cols = self.marked.shape
         y, x = np.nonzero(blob.mask)
@@ -187,8 +189,9 @@ class DepthSearch:
             u = np.rint(x + blob.x + sign * to_x).astype(np.int64)
             v = np.rint(y + blob.y + sign * to_y).astype(np.int64)
             inside = (u >= 0) & (v >= 0) & (u < cols) & (v < rows)
-            shown = self.marked[v[inside], u[inside]].sum() + np.count_nonzero(~inside)
-            if shown > MIN_DISPLACED * len(x):
+            shown = int(np.count_nonzero(self.marked[v[inside], u[inside]]))
+            beyond = int(np.count_nonzero(~inside)) if trusted else 0
+            if shown + beyond > MIN_DISPLACED * len(x):
                 return True
         return False
 
