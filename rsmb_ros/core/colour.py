@@ -12,7 +12,8 @@ from .evidence import MAX_Z2, NoiseTable, Texture, box_rms
 WEIGHT = np.float32(0.5)  # of a deviation: cameras keep colours at half the size, and less exactly
 WINDOW = 5  # px of the half-size image
 SATURATED = np.float32(0.08)  # of a tint that may be lost next to its edges
-GREY = np.float32(128.0)  # of tints without colour, as `cv2.cvtColor` has them
+GREY = 128.0  # of tints without colour, as `cv2.cvtColor` has them
+SOME = np.s_[::4, ::4]  # pixels that tell white balance and usual deviation
 CLEAR = 6.0  # levels of tint; less is no other colour
 CLEARLY = 2.5  # times what most of the frame is off
 
@@ -54,17 +55,19 @@ class ColourEvidence:
         off = cv2.resize(place[:, None], (1, half[1]))[:, 0] / 2.0
         strength = np.zeros(valid.shape, np.float32)
         limits = [CLEAR]
-        for tint, expected in zip(np.moveaxis(seen, 2, 0), np.moveaxis(known, 2, 0), strict=True):
+        for tint, expected in zip(cv2.split(seen), cv2.split(known), strict=True):
             residual = tint - expected
-            if valid.any():
-                residual -= np.median(residual[valid])  # white balance
-                limits.append(CLEARLY * float(np.percentile(np.abs(residual[valid]), 90)))
+            some = residual[SOME][valid[SOME]]
+            if some.size:
+                balance = np.median(some)
+                residual -= balance
+                limits.append(CLEARLY * float(np.percentile(np.abs(some - balance), 90)))
             texture = Texture.of(expected)
             noise = NoiseTable.learn(texture, residual, valid)(texture, off)
             # near edges of rich colours a camera that keeps them at half the size is off by more
-            rich = SATURATED * cv2.dilate(np.abs(expected - GREY), np.ones((5, 5), np.uint8))
-            z2 = (WEIGHT * residual) ** 2 / ((noise * noise + rich * rich) * worse * worse)
-            z2 = np.where(valid, np.minimum(z2, MAX_Z2), np.float32(0.0))
+            rich = SATURATED * cv2.dilate(cv2.absdiff(expected, GREY), np.ones((5, 5), np.uint8))
+            off_by = residual / (cv2.magnitude(noise, rich) * (worse / WEIGHT))
+            z2 = np.minimum(off_by * off_by, MAX_Z2) * valid
             strength = np.maximum(strength, box_rms(z2, WINDOW))
         strength = cv2.resize(strength, (cols, rows), interpolation=cv2.INTER_LINEAR)
         return cls(strength, max(limits))
