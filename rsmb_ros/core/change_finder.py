@@ -51,7 +51,8 @@ class Seen:
     @cached_property
     def sharp(self) -> np.ndarray:
         """Evidence over a smaller window (M, N) float32 [sigma]."""
-        return box_rms(self.squares, OUTLINE_WINDOW)
+        sharp = box_rms(self.squares, OUTLINE_WINDOW)
+        return sharp if self.colour is None else np.maximum(sharp, self.colour.sharp)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from .evidence import MAX_Z2, NoiseTable, Texture, box_rms
+from .evidence import MAX_Z2, OUTLINE_WINDOW, NoiseTable, Texture, box_rms
 
 WEIGHT = np.float32(0.5)  # of a deviation: cameras keep colours at half the size, and less exactly
 WINDOW = 5  # px of the half-size image
@@ -28,6 +28,7 @@ class ColourEvidence:
     """How surprising the colours of a live frame of M x N px are."""
 
     strength: np.ndarray  # (M, N) float32 [sigma], comparable to that of brightness
+    sharp: np.ndarray  # the same over a smaller window
     limit: float  # levels that the tint of a place may be off and still be the same
 
     @classmethod
@@ -53,7 +54,7 @@ class ColourEvidence:
         valid = cv2.resize(judged.view(np.uint8), half, interpolation=cv2.INTER_NEAREST) > 0
         worse = cv2.resize(misfit, half, interpolation=cv2.INTER_NEAREST)
         off = cv2.resize(place[:, None], (1, half[1]))[:, 0] / 2.0
-        strength = np.zeros(valid.shape, np.float32)
+        squares = np.zeros(valid.shape, np.float32)
         limits = [CLEAR]
         for tint, expected in zip(cv2.split(seen), cv2.split(known), strict=True):
             residual = tint - expected
@@ -67,10 +68,12 @@ class ColourEvidence:
             # near edges of rich colours a camera that keeps them at half the size is off by more
             rich = SATURATED * cv2.dilate(cv2.absdiff(expected, GREY), np.ones((5, 5), np.uint8))
             off_by = residual / (cv2.magnitude(noise, rich) * (worse / WEIGHT))
-            z2 = np.minimum(off_by * off_by, MAX_Z2) * valid
-            strength = np.maximum(strength, box_rms(z2, WINDOW))
-        strength = cv2.resize(strength, (cols, rows), interpolation=cv2.INTER_LINEAR)
-        return cls(strength, max(limits))
+            squares = np.maximum(squares, np.minimum(off_by * off_by, MAX_Z2) * valid)
+        strength, sharp = (
+            cv2.resize(box_rms(squares, size), (cols, rows), interpolation=cv2.INTER_LINEAR)
+            for size in (WINDOW, OUTLINE_WINDOW)
+        )
+        return cls(strength, sharp, max(limits))
 
 
 def tint_off(live: np.ndarray, predicted: np.ndarray, mask: np.ndarray) -> float:

@@ -18,7 +18,7 @@ def finding(mask, strength, judged=None):
     judged = np.ones(SHAPE, bool) if judged is None else judged
     seen = SimpleNamespace(mask=mask, strength=strength, sharp=strength)
     frame = SimpleNamespace(judged=judged, grey=np.zeros(SHAPE, np.float32))
-    return SimpleNamespace(frame=frame, seen=seen)
+    return SimpleNamespace(frame=frame, seen=seen, layers=())
 
 
 def test_changes_make_up_the_mask():

@@ -101,6 +101,8 @@ def test_an_object_that_only_differs_in_colour_is_found(reference):
     (found,) = changes
     assert abs(found.x - 140) < 6
     assert abs(found.y - 100) < 6
+    assert abs(found.width - 40) < 9
+    assert abs(found.height - 30) < 9
     grey = Detector(cv2.cvtColor(reference, cv2.COLOR_BGR2GRAY)).detect(
         cv2.cvtColor(live, cv2.COLOR_BGR2GRAY)
     )
