@@ -15,15 +15,16 @@ REAL := $(if $(wildcard $(DATA)/aerial),photos video --data $(DATA))
 export AMENT_PREFIX_PATH := $(CURDIR)/.venv
 unexport PYTHONPATH LD_LIBRARY_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help demo test test-oldest lint bench bench-speed clean
+.PHONY: help demo test test-oldest lint bench bench-speed bench-ablation clean
 
 help:
 	@echo 'make demo    play the bag to the real node; report in $(OUT)/demo.html'
 	@echo 'make test    all tests, then the oracle tests without the JIT'
 	@echo 'make test-oldest  the tests with the versions of Ubuntu 24.04, Python 3.10 to 3.12'
 	@echo 'make lint    ruff and mypy'
-	@echo 'make bench   all suites with all rivals (half an hour), then bench-speed'
-	@echo 'make bench-speed  time beside ECC, over sizes, in a stream (half an hour)'
+	@echo 'make bench   all suites with all rivals (half an hour), then bench-ablation, bench-speed'
+	@echo 'make bench-speed  time beside ECC, over sizes, in a stream (nine minutes)'
+	@echo 'make bench-ablation  what each part is worth, switched off alone (five minutes)'
 	@echo 'make clean   remove .venv and everything built'
 	@echo 'PYTHON=python3.12 make ... chooses the interpreter of a new .venv'
 
@@ -47,7 +48,11 @@ bench: .venv/installed
 	@mkdir -p $(OUT)
 	$(BIN)/rsmb evaluate $(SUITES) $(REAL) --markdown benchmarks/RESULTS.md \
 		--report $(OUT)/bench.html --sheets $(OUT)/bench
+	@$(MAKE) --no-print-directory bench-ablation
 	@$(MAKE) --no-print-directory bench-speed
+
+bench-ablation: .venv/installed
+	$(BIN)/rsmb ablation --markdown benchmarks/ABLATION.md
 
 # Alone on the machine: a second process in the caches changes what is measured.
 bench-speed: .venv/installed

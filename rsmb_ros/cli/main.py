@@ -17,6 +17,7 @@ VERBS = {
     'demo': 'play a bag to the real node over ROS and score what it finds',
     'synth': 'make synthetic scenes with truth',
     'evaluate': 'measure accuracy and time against truth, rivals beside ours',
+    'ablation': 'measure what each part of the method is worth, switched off alone',
     'speed': 'measure time beside a rival and the floor, over sizes and in a stream',
 }
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
 from rich.console import Console
-from rich.progress import track
+from rich.progress import MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, track
 
 T = TypeVar('T')
 
@@ -18,3 +18,27 @@ def progress(items: Iterable[T], total: int, what: str) -> Iterator[T]:
         yield from items
     else:
         yield from track(items, what, total, console=Console(stderr=True), transient=True)
+
+
+def narrated(items: Iterable[T | str], total: int, what: str) -> Iterator[T]:
+    """
+    Iterate over `items`, of which there are `total`; a text among them says what is done next.
+
+    The line is drawn between items only: no thread takes time from what is measured.
+    """
+    console = Console(stderr=True)
+    columns = (TextColumn('{task.description}'), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(
+        *columns,
+        console=console,
+        transient=True,
+        auto_refresh=False,
+        disable=not sys.stderr.isatty(),
+    ) as bar:
+        task = bar.add_task(what, total=total)
+        for item in items:
+            if isinstance(item, str):
+                bar.update(task, description=f'{what}: {item}', refresh=True)
+            else:
+                yield item
+                bar.update(task, advance=1, refresh=True)

@@ -11,17 +11,24 @@ import cv2
 
 from rsmb_ros.core import Config, warm_up
 from rsmb_ros.core.errors import ConfigError, FileProblem
-from rsmb_ros.evaluation.speed.flights import FLIGHTS, SCENES
+from rsmb_ros.evaluation.speed.flights import (
+    FLIGHTS,
+    SCENES,
+    flights_at,
+    frames_at,
+    timed_flight,
+)
 from rsmb_ros.evaluation.speed.machine import measured_rates
-from rsmb_ros.evaluation.speed.probes import peak_memory, start_ups
+from rsmb_ros.evaluation.speed.probes import STARTS, peak_memory, start_ups
 from rsmb_ros.evaluation.speed.results import Finding, SpeedResults
 from rsmb_ros.evaluation.speed.rows import SUITE, row_times
+from rsmb_ros.evaluation.speed.spread import size_name
 from rsmb_ros.evaluation.speed.stream import stream_frames
-from rsmb_ros.evaluation.speed.timing import TAUGHT, times_of_flight
+from rsmb_ros.evaluation.speed.timing import times_of_flight
 
 from .images import write_whole
 from .options import add_config_options, frame_size, load_config, within
-from .progress import progress
+from .progress import narrated
 
 PARTS = {
     'sizes': 'ratio to ECC, cost a pixel, floor, memory, steps',
@@ -30,7 +37,6 @@ PARTS = {
     'start': 'compiling and loading the kernels',
 }
 SIZES = ('320x240', '640x480', '1280x720', '1920x1080')
-STARTS = 2
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,13 +57,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--flights',
         type=within(int, 1, 100),
         default=len(FLIGHTS),
-        help='of each size and scene; default: %(default)s',
+        help='of each scene, less at sizes above 640x480; default: %(default)s',
     )
     parser.add_argument(
         '--repeats',
         type=within(int, 1, 1000),
         default=3,
-        help='frames of each flight that are timed; default: %(default)s',
+        help='frames of each flight, one less above 1 Mpx; default: %(default)s',
     )
     parser.add_argument(
         '--stream',
@@ -93,10 +99,10 @@ def run(args: argparse.Namespace) -> int:
         warm_up(config)  # compiling is no part of a frame
         results = SpeedResults(measured_rates(config.worker.threads), config, _about(args, parts))
         with suppress(KeyboardInterrupt):  # what was measured until then is worth having
-            for found in progress(_measured(parts, args, config), total, 'speed'):
+            findings: Iterator[Finding] = narrated(_measured(parts, args, config), total, 'speed')
+            for found in findings:
                 done += 1
-                if found is not None:
-                    results.add(found)
+                results.add(found)
     if results.tables():
         print(results.as_text())
         if args.markdown:
@@ -117,9 +123,11 @@ def _parts(text: str) -> list[str]:
 
 def _count(part: str, args: argparse.Namespace) -> int:
     """Return how many measurements a part makes."""
-    flights = len(SCENES) * args.flights * (TAUGHT + args.repeats)
+    frames = [
+        flights_at(shape, args.flights) * frames_at(shape, args.repeats) for shape in args.sizes
+    ]
     counts = {
-        'sizes': len(args.sizes) * (flights + 1),
+        'sizes': len(SCENES) * sum(frames) + len(args.sizes),
         'stream': args.stream,
         'rows': args.rows,
         'start': STARTS,
@@ -129,29 +137,39 @@ def _count(part: str, args: argparse.Namespace) -> int:
 
 def _measured(
     parts: list[str], args: argparse.Namespace, config: Config
-) -> Iterator[Finding | None]:
-    """Yield each measurement, None for a frame that was only shown."""
+) -> Iterator[Finding | str]:
+    """Yield each measurement, before it what is being done."""
     for part in parts:
         if part == 'sizes':
             yield from _sizes(args, config)
         elif part == 'stream':
+            yield f'a stream of {args.stream} frames'
             yield from stream_frames(args.stream, config)
         elif part == 'rows':
+            yield 'row estimator'
             yield from row_times(config, args.rows)
         else:
+            yield 'compiling the kernels, loading them'
             yield from start_ups(config)
 
 
-def _sizes(args: argparse.Namespace, config: Config) -> Iterator[Finding | None]:
+def _sizes(args: argparse.Namespace, config: Config) -> Iterator[Finding | str]:
     for shape in args.sizes:
+        name = size_name(shape)
         for scene in SCENES:
-            for number in range(args.flights):
-                yield from times_of_flight(scene, number, shape, args.repeats, config)
-        yield peak_memory(shape, config)
+            for number in range(flights_at(shape, args.flights)):
+                yield f'drawing {name}, {scene}'
+                flight = timed_flight(scene, number, shape, frames_at(shape, args.repeats))
+                yield f'timing {name}, {scene}'
+                yield from times_of_flight(flight, config)
+        yield f'memory at {name}'
+        yield peak_memory(flight, config)  # the last one is layered, it has most in it
 
 
 def _about(args: argparse.Namespace, parts: list[str]) -> dict[str, object]:
-    sizes = f'{args.flights} flights of {args.repeats} timed frames each, planar and layered'
+    sizes = (
+        f'{args.flights} flights of {args.repeats} frames planar and layered each, less if large'
+    )
     said: dict[str, object] = {'parts': ' '.join(parts)}
     if 'sizes' in parts:
         said['sizes'] = sizes

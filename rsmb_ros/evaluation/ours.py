@@ -43,30 +43,60 @@ class Ours:
         result = Detector(reference, camera, self._config).detect(live)
         registered = result.registered
         seconds = time.perf_counter() - begin
-        return Outcome(
-            registered=result.status == REGISTERED,
-            reason=result.reason,
-            change=result.change_mask > 0,
-            valid=result.valid_mask > 0,
-            registration=_registration(result, live, registered, reference.shape[:2], focal_px),
-            seconds=seconds,
-            exposure_rows=result.exposure_rows,
-            depths=tuple(_static_objects(result)),
-        )
+        return outcome_of(result, registered, live, reference.shape[:2], focal_px, seconds)
+
+
+def outcome_of(
+    result: Result,
+    registered: np.ndarray,
+    live: np.ndarray,
+    shape: tuple[int, ...],
+    focal_px: float | None,
+    seconds: float,
+) -> Outcome:
+    """
+    Return a result in the form in which every method is scored.
+
+    Parameters
+    ----------
+    result : Result
+        Of a live frame.
+    registered : ndarray
+        `result.registered`, which is computed on first use.
+    live : ndarray
+        The frame.
+    shape : tuple of int
+        Rows and columns of the reference [px].
+    focal_px : float or None
+        As the detector was given it [px].
+    seconds : float
+        The detector's time [s].
+
+    """
+    return Outcome(
+        registered=result.status == REGISTERED,
+        reason=result.reason,
+        change=result.change_mask > 0,
+        valid=result.valid_mask > 0,
+        registration=_registration(result, live, registered, shape, focal_px),
+        seconds=seconds,
+        exposure_rows=result.exposure_rows,
+        depths=tuple(_static_objects(result)),
+    )
 
 
 def _registration(
     result: Result,
     live: np.ndarray,
     registered: np.ndarray,
-    shape: tuple[int, int],
+    shape: tuple[int, ...],
     focal_px: float | None,
 ) -> Registration | None:
     if result.status != REGISTERED:
         return None
     rows, cols = result.change_mask.shape
     focal = focal_px or Camera.guess(cols).focal_px
-    places = places_of_poses(result.row_motion, Grid((rows, cols), shape, focal))
+    places = places_of_poses(result.row_motion, Grid((rows, cols), (shape[0], shape[1]), focal))
     limits = np.array([shape[1] - 1, shape[0] - 1])
     inside = ((places >= 0) & (places <= limits)).all(axis=-1)
     grey = luma(registered)

@@ -30,7 +30,8 @@ def test_help_names_every_verb(rsmb):
 def test_every_verb_has_help(rsmb, verb):
     done = rsmb(verb, '--help')
     assert done.code == 0
-    output = {'evaluate': '--report', 'play': '--rate', 'speed': '--markdown'}.get(verb, '--output')
+    others = {'evaluate': '--report', 'play': '--rate', 'speed': '--markdown'}
+    output = {**others, 'ablation': '--markdown'}.get(verb, '--output')
     assert output in done.out
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from rsmb_ros.cli import speed as speed_module
 from rsmb_ros.evaluation.speed.machine import Rates
+from rsmb_ros.evaluation.speed.probes import StartUp
 
 SHORT = ('--sizes', '320x240', '--flights', 1, '--repeats', 1, '--stream', 2, '--rows', 1)
 
@@ -35,7 +36,7 @@ def test_short_run_measures_sizes_stream_and_rows(speed, tmp_path):
         'Registration and rendering',
         'End to end: changes, static objects and all',
         'Floor and memory',
-        'Where the time goes',
+        'Where the time goes at 320x240',
     ]
     assert titles[5].startswith('A stream at 640x480')
     assert titles[6:] == ['Row estimator, 3 degrees of freedom']
@@ -47,10 +48,12 @@ def test_short_run_measures_sizes_stream_and_rows(speed, tmp_path):
 
 
 def test_parts_can_be_chosen(speed, monkeypatch):
-    monkeypatch.setattr(speed_module, 'start_ups', lambda config: iter([None, None]))
+    monkeypatch.setattr(speed_module, 'start_ups', lambda config: iter([StartUp(True, 1.0, 2.0)]))
+    monkeypatch.setattr(speed_module, 'STARTS', 1)
     done = speed('--parts', 'start,rows')
     assert done.code == 0
     assert 'Row estimator' in done.out
+    assert 'kernels on the disk' in done.out
     assert 'Registration and rendering' not in done.out
 
 
@@ -93,7 +96,7 @@ def test_opencv_gets_the_threads_of_the_detector_and_its_own_back(speed, monkeyp
 
     def row_times(config, count):
         seen.append(cv2.getNumThreads())
-        yield None
+        yield from ()
 
     monkeypatch.setattr(speed_module, 'row_times', row_times)
     speed('--parts', 'rows', '--set', 'worker.threads=1')

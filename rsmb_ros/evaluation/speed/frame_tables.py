@@ -9,6 +9,7 @@ from rsmb_ros.report.html import Table
 
 from ..metrics import NAN, ratio
 from ..summary import median
+from ..tables import ABSENT
 from .machine import Rates
 from .probes import Memory
 from .spread import Spread, number, size_name
@@ -32,31 +33,31 @@ def registration_table(frames: Sequence[FrameTimes], rates: Rates) -> Table:
                         f'{size_name(shape)} {scene}, {variant}',
                         *_lost(group, ours),
                         *spread.cells('.1f'),
-                        number(median(one.ecc_ms for one in group), '.1f'),
+                        *Spread.of(one.ecc_ms for one in group).cells('.1f'),
                         *registration_ratio(group, variant).cells('.3f'),
                         number(ns_per_pixel(spread.median, shape), '.0f'),
                         number(floor_ms, '.2f'),
                         number(ratio(spread.median, floor_ms), '.1f'),
                     ]
                 )
-    head = ['frames', 'timed', 'lost, ECC lost', 'ms', 'quartiles', 'ECC ms', 'x ECC', 'quartiles']
-    return Table('Registration and rendering', [*head, 'ns / px', 'floor ms', 'x floor'], rows)
+    head = ['frames', 'timed', 'lost, ECC lost', 'ms', 'quartiles', 'ECC ms', 'quartiles']
+    head += ['x ECC', 'quartiles', 'ns / px', 'floor ms', 'x floor']
+    return Table('Registration and rendering', head, rows)
 
 
 def total_table(frames: Sequence[FrameTimes]) -> Table:
     """Everything from the frame to its changes beside ECC's registration alone."""
     rows = []
     for (shape, scene), group in by_kind(frames).items():
-        for variant in (COLD, FLAT, WARM):
+        for variant in (COLD, FLAT, GIVEN, WARM):
             ours = times_of(group, variant)
             if ours:
                 spread = Spread.of(one.total_ms for one in ours)
-                pairs = Spread.of(ratio(one.ours[variant].total_ms, one.ecc_ms) for one in group)
                 rows.append(
                     [
                         f'{size_name(shape)} {scene}, {variant}',
                         *spread.cells('.0f'),
-                        *pairs.cells('.2f'),
+                        *total_ratio(group, variant).cells('.2f'),
                         number(ns_per_pixel(spread.median, shape), '.0f'),
                     ]
                 )
@@ -83,36 +84,52 @@ def floor_table(frames: Sequence[FrameTimes], memory: Sequence[Memory], rates: R
                 number(_mean(one.render.flops for one in floors) / _MEGA, '.0f'),
                 number(_mean(one.bytes for one in works) / _MEGA, '.0f'),
                 number(1e3 * _mean(one.seconds(rates) for one in floors), '.2f'),
-                number(median(one.prepare_ms for one in group), '.0f'),
+                *Spread.of(one.prepare_ms for one in group).cells('.0f'),
                 number(peak.peak / _MEGA, '.0f'),
                 number(peak.idle / _MEGA, '.0f'),
             ]
         )
     head = ['size', 'points', 'instants a row', 'unknowns a row', 'MFLOP fit', 'MFLOP render']
-    head += ['MB touched', 'floor ms', 'reference prepared ms', 'peak MB above idle', 'idle MB']
+    head += ['MB touched', 'floor ms', 'reference prepared ms', 'quartiles']
+    head += ['peak MB above idle', 'idle MB']
     return Table('Floor and memory', head, rows)
 
 
-def step_table(frames: Sequence[FrameTimes]) -> Table:
-    """Where the time of a frame goes: medians of the steps, 0 where one is not taken."""
-    timed = [one for frame in frames for one in frame.ours.values()]
-    steps = list(dict.fromkeys(step for one in timed for step in one.steps_ms))
-    rows = []
-    for (shape, scene), group in by_kind(frames).items():
-        for variant in (COLD, WARM):
-            ours = times_of(group, variant)
-            if ours:
-                spent = [median(one.steps_ms.get(step, 0.0) for one in ours) for step in steps]
-                spent.append(median(one.elsewhere_ms for one in ours))
-                colour = median(one.colour_ms for one in group) if variant == COLD else NAN
-                rows.append(
-                    [
-                        f'{size_name(shape)} {scene}, {variant}',
-                        *(number(ms, '.1f') for ms in [*spent, colour]),
-                    ]
-                )
-    head = ['ms', *steps, 'elsewhere', 'registered in colour']
-    return Table('Where the time goes', head, rows)
+def step_tables(frames: Sequence[FrameTimes]) -> list[Table]:
+    """Where the time of a frame goes, a table a size; 0 where a step is not taken."""
+    shapes = dict.fromkeys(one.shape for one in frames)
+    return [_step_table([one for one in frames if one.shape == shape]) for shape in shapes]
+
+
+def _step_table(frames: Sequence[FrameTimes]) -> Table:
+    """Steps of all frames of one size, medians and quartiles."""
+    found = {
+        (scene, variant): times
+        for (_, scene), group in by_kind(frames).items()
+        for variant in (COLD, WARM)
+        if (times := times_of(group, variant))
+    }
+    steps = dict.fromkeys(
+        step for times in found.values() for one in times for step in one.steps_ms
+    )
+    rows = [
+        [step, *_cells([one.steps_ms.get(step, 0.0) for one in times] for times in found.values())]
+        for step in steps
+    ]
+    rows.append(['elsewhere', *_cells([o.elsewhere_ms for o in one] for one in found.values())])
+    rows.append(['end to end', *_cells([o.total_ms for o in one] for one in found.values())])
+    colour = [ABSENT, ABSENT] * len(found)
+    for n, (scene, variant) in enumerate(found):
+        if variant == COLD:
+            spent = Spread.of(one.colour_ms for one in frames if one.scene == scene)
+            colour[2 * n : 2 * n + 2] = spent.cells('.1f')
+    rows.append(['registered in colour', *colour])
+    head = [text for kind in found for text in (', '.join(kind), 'quartiles')]
+    return Table(f'Where the time goes at {size_name(frames[0].shape)}', ['ms', *head], rows)
+
+
+def _cells(groups: Iterable[Iterable[float]]) -> list[str]:
+    return [cell for group in groups for cell in Spread.of(group).cells('.1f')]
 
 
 def by_kind(frames: Iterable[FrameTimes]) -> Mapping[Kind, list[FrameTimes]]:
@@ -132,6 +149,15 @@ def registration_ratio(frames: Iterable[FrameTimes], variant: str) -> Spread:
     """Return how many times ECC's time a variant takes, frame by frame."""
     return Spread.of(
         ratio(frame.ours[variant].registration_ms, frame.ecc_ms)
+        for frame in frames
+        if variant in frame.ours
+    )
+
+
+def total_ratio(frames: Iterable[FrameTimes], variant: str) -> Spread:
+    """Return how many times ECC's time a variant takes with changes and all, frame by frame."""
+    return Spread.of(
+        ratio(frame.ours[variant].total_ms, frame.ecc_ms)
         for frame in frames
         if variant in frame.ours
     )

@@ -17,9 +17,10 @@ import rsmb_ros
 from rsmb_ros.core import Config
 
 from ..metrics import NAN
-from .flights import timed_flight
+from .flights import TimedFlight
 
 DEADLINE = 900  # s; compiling every kernel takes one minute, on a busy machine some
+STARTS = 4  # the first compiles
 _PROC = Path('/proc/self/status')
 
 
@@ -41,23 +42,21 @@ class StartUp:
     warm_up: float  # compiling or loading the kernels [s]
 
 
-def peak_memory(shape: tuple[int, int], config: Config) -> Memory:
-    """Measure with the last frame of a layered flight, which has most in it."""
+def peak_memory(flight: TimedFlight, config: Config) -> Memory:
+    """Measure with the last frame of a flight; a layered one has most in it."""
     if not _PROC.exists():
-        return Memory(shape, NAN, NAN)
-    flight = timed_flight('layered', 0, shape, 2)
-    *_, frame = flight.frames()
+        return Memory(flight.shape, NAN, NAN)
     with tempfile.TemporaryDirectory(prefix='rsmb') as folder:
         pair = Path(folder) / 'pair.npz'
-        np.savez(pair, reference=flight.reference, live=frame.live)
-        return Memory(shape, **_child(config, 'memory', str(pair)))
+        np.savez(pair, reference=flight.reference, live=flight.live[-1])
+        return Memory(flight.shape, **_child(config, 'memory', str(pair)))
 
 
 def start_ups(config: Config) -> Iterator[StartUp]:
-    """Start twice with a kernel cache of its own: empty, then filled."""
+    """Start with a kernel cache of its own: once it is empty, then it is filled."""
     with tempfile.TemporaryDirectory(prefix='rsmb') as folder:
-        for cached in (False, True):
-            yield StartUp(cached, **_child(config, 'start', NUMBA_CACHE_DIR=folder))
+        for n in range(STARTS):
+            yield StartUp(n > 0, **_child(config, 'start', NUMBA_CACHE_DIR=folder))
 
 
 def _child(config: Config, *arguments: str, **environment: str) -> dict[str, float]:

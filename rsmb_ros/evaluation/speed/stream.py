@@ -18,7 +18,7 @@ from .timing import COLD, WARM, Times, time_ours, variants
 
 SHAPE = (480, 640)  # rows, cols
 LEARNING = 10  # frames that an estimate of the exposure may take
-COLD_EVERY = 5  # frames; each of those is also registered as if it were the first
+COLD_EVERY = 10  # frames; each of those is also registered as if it were the first
 COLUMNS = 9  # places of a row that are compared
 
 

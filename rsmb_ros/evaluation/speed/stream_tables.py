@@ -60,15 +60,19 @@ def rows_table(rows: Sequence[RowTimes]) -> Table:
 
 def start_table(starts: Sequence[StartUp]) -> Table:
     """Time until the first frame can come."""
-    rows = [
-        [
-            'kernels on the disk' if one.cached else 'kernels to compile',
-            number(one.imports, '.1f'),
-            number(one.warm_up, '.1f'),
-        ]
-        for one in starts
-    ]
-    return Table('Start', ['start', 'imports s', 'warm-up s'], rows)
+    rows = []
+    for cached in dict.fromkeys(one.cached for one in starts):
+        group = [one for one in starts if one.cached == cached]
+        rows.append(
+            [
+                'kernels on the disk' if cached else 'kernels to compile',
+                str(len(group)),
+                *Spread.of(one.imports for one in group).cells('.1f'),
+                *Spread.of(one.warm_up for one in group).cells('.1f'),
+            ]
+        )
+    head = ['start', 'times', 'imports s', 'quartiles', 'warm-up s', 'quartiles']
+    return Table('Start', head, rows)
 
 
 def learned(frames: Iterable[StreamFrame]) -> list[StreamFrame]:

@@ -16,11 +16,11 @@ from ..methods import NotRegistered
 from ..metrics import NAN
 from ..rivals.ecc import EccRegistrar
 from ..summary import median
-from .flights import timed_flight
+from .flights import TimedFlight, is_large
 from .floor import FrameFloor, frame_floor
 
 HOLD = 'stream.hold'  # switch of the detector's memory, in versions that have one
-TAUGHT = 3  # frames at the start of a flight that are not timed: a stream is warm after them
+TAUGHT = 10  # frames a stream is shown before it is timed: then its exposure is held
 # Steps of `Result.timings_ms` that look for changes; all others are registration and rendering, so
 # that a step nobody has thought of is not hidden.
 CHANGE_STEPS = ('change', 'layers', 'refine', 'layers again', 'other way')
@@ -86,67 +86,62 @@ def has_memory() -> bool:
     return HOLD in Config().flat()
 
 
-def times_of_flight(
-    scene: str, number: int, shape: tuple[int, int], frames: int, config: Config
-) -> Iterator[FrameTimes | None]:
+def times_of_flight(flight: TimedFlight, config: Config) -> Iterator[FrameTimes]:
     """
-    Fly and time every method on every frame, in turns; None for each of the first `TAUGHT`.
+    Time every method on every frame, in turns.
 
     Parameters
     ----------
-    scene, number, shape
-        As `flights.timed_flight` takes them.
-    frames : int
-        That are timed.
+    flight : TimedFlight
+        Its frames are shown to the stream again and again until it is warm, then timed.
     config : Config
         What all variants share.
 
     """
-    flight = timed_flight(scene, number, shape, TAUGHT + frames)
     configs = variants(config, flight.plan.timing.exposure_rows)
-    detectors = {
-        name: Detector(flight.reference, flight.camera, one) for name, one in configs.items()
-    }
+    if is_large(flight.shape):
+        configs = {name: configs[name] for name in (COLD, FLAT)}
+    detectors, prepare_ms = _prepared(configs, flight)
     grey = luma(flight.reference)
-    prepare_ms = NAN
-    for frame in flight.frames():
-        if frame.index < TAUGHT:
-            first = _taught(detectors, frame.live, frame.index)
-            prepare_ms = first if frame.index == 0 else prepare_ms
-            yield None
-        else:
-            yield _timed(shape, scene, grey, frame.live, detectors, frame.index, prepare_ms)
+    for turn in range(len(flight.live)):
+        live = flight.live[(TAUGHT + turn) % len(flight.live)]  # the stream goes on
+        yield _timed(flight, grey, live, detectors, turn, prepare_ms)
 
 
-def _taught(detectors: Mapping[str, Detector], live: np.ndarray, index: int) -> float:
-    """Show a frame to those that learn from it; the first to all, so that they are prepared."""
-    if index > 0:
-        if WARM in detectors:
-            detectors[WARM].detect(live)
-        return NAN
-    spent = []
-    for detector in detectors.values():
-        first, again = (time_ours(detector, live)[0].total_ms for _ in range(2))
-        spent.append(first - again)
-    detectors[COLD].detect(live).registered  # noqa: B018 - prepares the colours
-    return median(spent)
+def _prepared(
+    configs: Mapping[str, Config], flight: TimedFlight
+) -> tuple[dict[str, Detector], float]:
+    """Return detectors that know the reference, and the time that took [ms]; teach the stream."""
+    live, detectors, spent = flight.live[0], {}, []
+    for name, config in configs.items():
+        begin = perf_counter()
+        detector = detectors[name] = Detector(flight.reference, flight.camera, config)
+        if name == WARM:
+            for n in range(TAUGHT):
+                detector.detect(flight.live[n % len(flight.live)])
+            continue
+        detector.detect(live)
+        first = perf_counter() - begin
+        begin = perf_counter()
+        detector.detect(live).registered  # noqa: B018 - prepares the colours, too
+        spent.append(1e3 * (first - (perf_counter() - begin)))
+    return detectors, median(spent)
 
 
 def _timed(
-    shape: tuple[int, int],
-    scene: str,
+    flight: TimedFlight,
     grey: np.ndarray,
     live: np.ndarray,
     detectors: Mapping[str, Detector],
-    index: int,
+    turn: int,
     prepare_ms: float,
 ) -> FrameTimes:
     ours: dict[str, Times] = {}
     ecc = (NAN, False)
     colour_ms, floor = NAN, None
     order = [*detectors, 'ecc']
-    turn = index % len(order)  # nobody always has the caches another one has warmed
-    for name in order[turn:] + order[:turn]:
+    first = turn % len(order)  # nobody always has the caches another one has warmed
+    for name in order[first:] + order[:first]:
         if name == 'ecc':
             ecc = time_ecc(grey, live)
             continue
@@ -156,7 +151,7 @@ def _timed(
             result.registered  # noqa: B018 - computed on first use
             colour_ms = 1e3 * (perf_counter() - begin)
             floor = _floor(result, detectors[name].config)
-    return FrameTimes(shape, scene, *ecc, ours, colour_ms, prepare_ms, floor)
+    return FrameTimes(flight.shape, flight.scene, *ecc, ours, colour_ms, prepare_ms, floor)
 
 
 def time_ours(detector: Detector, live: np.ndarray) -> tuple[Times, Result]:

@@ -33,10 +33,10 @@ def test_stream_is_the_flight_of_synth(tmp_path):
         np.testing.assert_array_equal(written, frame.live)
 
 
-def test_every_frame_is_registered_and_every_fifth_alone_too():
-    found = list(stream_frames(6, Config().replaced({'layers.enabled': False}), SMALL))
-    assert [one.index for one in found] == list(range(6))
-    alone = [n % 5 == 0 for n in range(6)]
+def test_every_frame_is_registered_and_every_tenth_alone_too():
+    found = list(stream_frames(11, Config().replaced({'layers.enabled': False}), SMALL))
+    assert [one.index for one in found] == list(range(11))
+    alone = [n % 10 == 0 for n in range(11)]
     assert [one.alone is not None for one in found] == alone
     assert [not math.isnan(one.row_error_alone) for one in found] == alone
     assert all(one.stream.registered for one in found)

@@ -1,0 +1,1 @@
+"""What each part is worth: switched off alone, on the same cases."""
