@@ -15,13 +15,15 @@ REAL := $(if $(wildcard $(DATA)/aerial),photos video --data $(DATA))
 export AMENT_PREFIX_PATH := $(CURDIR)/.venv
 unexport PYTHONPATH LD_LIBRARY_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help demo test test-oldest lint bench bench-speed bench-ablation clean
+.PHONY: help demo test test-oldest load soak lint bench bench-speed bench-ablation clean
 
 help:
 	@echo 'make demo    play the bag to the real node; report in $(OUT)/demo.html'
 	@echo 'make test    all tests, then the oracle tests without the JIT'
 	@echo 'make test-oldest  the tests with the versions of Ubuntu 24.04, Python 3.10 to 3.12'
 	@echo 'make lint    ruff and mypy'
+	@echo 'make load    a camera faster than the node, 10 minutes: losses, latency, memory'
+	@echo 'make soak    a fault every few seconds, half an hour'
 	@echo 'make bench   all suites with all rivals (half an hour), then bench-ablation, bench-speed'
 	@echo 'make bench-speed  time beside ECC, over sizes, in a stream (nine minutes)'
 	@echo 'make bench-ablation  what each part is worth, switched off alone (five minutes)'
@@ -38,6 +40,14 @@ test: .venv/installed
 # With the versions that Ubuntu 24.04 gives a user of Jazzy.
 test-oldest: $(OLDEST)/installed
 	AMENT_PREFIX_PATH=$(CURDIR)/$(OLDEST) $(OLDEST)/bin/pytest -q $(TESTS)
+
+# A camera faster than the node, 5 minutes each; LOAD='--seconds 90 --settle 45' and the like.
+load: .venv/installed
+	$(BIN)/python test/ros/load.py $(LOAD)
+
+# A fault every few seconds for half an hour; SOAK='--seconds 180'.
+soak: .venv/installed
+	$(BIN)/python test/ros/soak.py $(SOAK)
 
 lint: .venv/installed
 	$(BIN)/ruff check .

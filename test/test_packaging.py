@@ -32,11 +32,12 @@ NO_WHEEL = {'launch', 'launch_ros'}
 WITH_RCLPY = {'rcl_interfaces'}
 ROS_IF_PRESENT = {'vision_msgs'}
 IF_PRESENT = {'osqp'}  # in an extra of its own: ROS has no key for it
-# imported name -> (distribution on PyPI, rosdep key)
+# imported name -> (distribution on PyPI, rosdep key). The keys are those of rosdistro's
+# rosdep/python.yaml of 2025: all but mcap's and rosbags' (by pip) are apt packages of Ubuntu 24.04.
 LIBRARIES = {
     'cv2': ('opencv-python-headless', 'python3-opencv'),
     'jinja2': ('jinja2', 'python3-jinja2'),
-    'mcap': ('mcap', 'python3-mcap-pip'),
+    'mcap': ('mcap', 'mcap-ros2-support'),
     'numba': ('numba', 'python3-numba'),
     'numpy': ('numpy', 'python3-numpy'),
     'rich': ('rich', 'python3-rich'),

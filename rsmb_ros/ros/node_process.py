@@ -62,6 +62,11 @@ class NodeProcess:
             self._process.wait()
         self._reader.join()
 
+    @property
+    def pid(self) -> int:
+        """Id of the process."""
+        return self._process.pid
+
     def said(self, pattern: str) -> bool:
         """Return whether a line of the log matches `pattern`."""
         return any(re.search(pattern, line) for line in list(self._lines))

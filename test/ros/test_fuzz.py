@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 READY_S, ANSWER_S = 240.0, 60.0
 STAMP_NS = 1_700_000_500_000_000_000
-EXAMPLES = 60
+EXAMPLES = 250  # of four messages, twice: 2,000
 AT_ONCE = 20  # messages sent before the node is asked how far it is
 ROOM_MB = 200  # the detector of another size, and what DDS keeps
 
