@@ -10,6 +10,7 @@ from .change_finder import Finding
 from .config import ChangeConfig
 from .regions import change_region
 from .segmentation import Blob, blobs, drawn, tightened, without_small, without_thin, without_weak
+from .shadows import shadow_like
 from .types import Region
 
 
@@ -32,7 +33,13 @@ def changes_of(finding: Finding, config: ChangeConfig) -> list[Change]:
     mask = without_small(without_thin(seen.mask * frame.judged), config)
     mask = without_small(tightened(mask, seen.sharp, config), config)
     mask = without_weak(mask, seen.strength, config)
-    return [Change(blob, change_region(blob, seen.strength, frame.judged)) for blob in blobs(mask)]
+    changes = []
+    for blob in blobs(mask):
+        shade = shadow_like(blob, finding, config.threshold_high)
+        if not (shade and config.shadows == 'suppress'):
+            region = change_region(blob, seen.strength, frame.judged, shade)
+            changes.append(Change(blob, region))
+    return changes
 
 
 def mask_of(changes: list[Change], shape: tuple[int, ...]) -> np.ndarray:
