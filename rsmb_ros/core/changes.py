@@ -11,6 +11,7 @@ from .config import ChangeConfig
 from .depth_rims import depth_rims
 from .regions import change_region
 from .segmentation import Blob, blobs, drawn, tightened, without_small, without_thin, without_weak
+from .shadows import shadow_like
 from .types import Region
 
 
@@ -36,8 +37,13 @@ def changes_of(finding: Finding, config: ChangeConfig) -> list[Change]:
     mask = without_weak(mask, seen.strength, config)
     rims = depth_rims(mask, finding.layers)
     frame.judged &= rims == 0
-    mask &= 1 - rims
-    return [Change(blob, change_region(blob, seen.strength, frame.judged)) for blob in blobs(mask)]
+    changes = []
+    for blob in blobs(mask & (1 - rims)):
+        shade = shadow_like(blob, finding, config.threshold_high)
+        if not (shade and config.shadows == 'suppress'):
+            region = change_region(blob, seen.strength, frame.judged, shade)
+            changes.append(Change(blob, region))
+    return changes
 
 
 def mask_of(changes: list[Change], shape: tuple[int, ...]) -> np.ndarray:

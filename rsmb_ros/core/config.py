@@ -160,6 +160,11 @@ class ChangeConfig:
     min_area: float = _number(
         2.6e-4, 'share of frame', 0.0, 0.5, 'smaller regions are dropped; 2.6e-4 = 80 px at 640x480'
     )
+    shadows: str = _choice(
+        'report',
+        ('report', 'suppress'),
+        'what only gets darker or lighter: a change that is shadow_like, or none',
+    )
     persistence_seen: int = _number(
         1, 'frames', 1, 100, 'a region is reported when seen in so many of persistence_frames'
     )

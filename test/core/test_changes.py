@@ -17,7 +17,8 @@ def finding(mask, strength, judged=None):
     """A settled frame whose evidence is as sharp as its window is wide."""
     judged = np.ones(SHAPE, bool) if judged is None else judged
     seen = SimpleNamespace(mask=mask, strength=strength, sharp=strength)
-    frame = SimpleNamespace(judged=judged, grey=np.zeros(SHAPE, np.float32))
+    black = np.zeros(SHAPE, np.float32)  # no ground to show through
+    frame = SimpleNamespace(judged=judged, grey=black, predicted=black)
     return SimpleNamespace(frame=frame, seen=seen, layers=())
 
 
