@@ -15,7 +15,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from rsmb_ros.core import change_finder, evidence
+from rsmb_ros.core import change_finder, colour, depth_rims, depth_search, evidence
 from rsmb_ros.core.evidence import MIN_SIGMA, NoiseTable, Texture
 from rsmb_ros.core.frame import RegisteredFrame
 from rsmb_ros.core.layers import Layer
@@ -110,6 +110,12 @@ SWITCHES = (
         swaps=(Swap(RegisteredFrame, 'put_in_front', _no_misfit),),
     ),
     Switch(
+        'colour',
+        'only brightness counts',
+        EVIDENCE,
+        swaps=(Swap(colour, 'WEIGHT', np.float32(1e-6)),),
+    ),
+    Switch(
         'hysteresis',
         'regions do not grow below 4.99 sigma',
         OBJECTS,
@@ -121,6 +127,18 @@ SWITCHES = (
         'they are left out, not rendered',
         OBJECTS,
         swaps=(Swap(RegisteredFrame, 'put_in_front', _only_masked),),
+    ),
+    Switch(
+        "an object's other place",
+        'a static object may stand out once',
+        OBJECTS,
+        swaps=(Swap(depth_search, 'MIN_DISPLACED', -1.0),),
+    ),
+    Switch(
+        'rims of layers',
+        'thin pieces beside them are changes',
+        OBJECTS,
+        swaps=(Swap(depth_rims, 'WIDTH', 0.0),),
     ),
     Switch(
         'last look',
