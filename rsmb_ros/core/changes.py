@@ -8,6 +8,7 @@ import numpy as np
 
 from .change_finder import Finding
 from .config import ChangeConfig
+from .parting import parted
 from .regions import change_region
 from .segmentation import Blob, blobs, drawn, tightened, without_small, without_thin, without_weak
 from .shadows import shadow_like
@@ -27,14 +28,17 @@ def changes_of(finding: Finding, config: ChangeConfig) -> list[Change]:
     Return the changes of a frame, top to bottom.
 
     What is left of a candidate when static objects, unknown pixels and the width of the evidence's
-    window are cut away must still be large enough and reach `threshold_high` by itself.
+    window are cut away must still be large enough and reach `threshold_high` by itself. Parts of
+    one region that hardly hang together are changes of their own.
     """
     frame, seen = finding.frame, finding.seen
     mask = without_small(without_thin(seen.mask * frame.judged), config)
     mask = without_small(tightened(mask, seen.sharp, config), config)
     mask = without_weak(mask, seen.strength, config)
     changes = []
-    for blob in blobs(mask):
+    for blob in [
+        part for whole in blobs(mask) for part in parted(whole, seen, frame.judged, config)
+    ]:
         shade = shadow_like(blob, finding, config.threshold_high)
         if not (shade and config.shadows == 'suppress'):
             region = change_region(blob, seen.strength, frame.judged, shade)
