@@ -17,6 +17,7 @@ import numpy as np
 from .clock import Clock
 from .config import Config
 from .depth_search import DepthSearch, Refused
+from .entropy import entropy_candidates
 from .evidence import OUTLINE_WINDOW, NoiseTable, Texture, box_rms
 from .frame import RegisteredFrame
 from .layers import Layer
@@ -151,7 +152,12 @@ class ChangeFinder:
         frame.judged[place >= LOST] = False
         z2 = noise.surprise(texture, frame.residual, frame.judged, frame.misfit, place)
         strength = box_rms(z2)
-        return Seen(noise, strength, candidates(strength, self._config.change), z2)
+        change = self._config.change
+        if change.segmentation == 'entropy':
+            mask = entropy_candidates(frame.residual, frame.judged, change)
+        else:
+            mask = candidates(strength, change)
+        return Seen(noise, strength, mask, z2)
 
     def _layers(
         self,

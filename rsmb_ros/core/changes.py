@@ -33,8 +33,9 @@ def changes_of(finding: Finding, config: ChangeConfig) -> list[Change]:
     """
     frame, seen = finding.frame, finding.seen
     mask = without_small(without_thin(seen.mask * frame.judged), config)
-    mask = without_small(tightened(mask, seen.sharp, config), config)
-    mask = without_weak(mask, seen.strength, config)
+    if config.segmentation == 'evidence':
+        mask = without_small(tightened(mask, seen.sharp, config), config)
+        mask = without_weak(mask, seen.strength, config)
     changes = []
     for blob in [
         part for whole in blobs(mask) for part in parted(whole, seen, frame.judged, config)

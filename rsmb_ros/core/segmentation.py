@@ -55,7 +55,7 @@ def candidates(evidence: np.ndarray, config: ChangeConfig) -> np.ndarray:
         wide = cv2.copyMakeBorder(part, *[size] * 4, cv2.BORDER_CONSTANT, value=0)
         closed = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, disc)[size:-size, size:-size]
         opened = cv2.morphologyEx(filled(closed), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-        mask[box] = _without_small(opened, config.min_area * mask.size)
+        mask[box] = without_pieces(opened, config.min_area * mask.size)
     return mask
 
 
@@ -110,10 +110,10 @@ def _grown(evidence: np.ndarray, config: ChangeConfig) -> tuple[np.ndarray, tupl
 
 def without_small(mask: np.ndarray, config: ChangeConfig) -> np.ndarray:
     """Drop connected regions below `min_area` from a mask (M, N) uint8 0/1."""
-    return _without_small(mask, config.min_area * mask.size)
+    return without_pieces(mask, config.min_area * mask.size)
 
 
-def _without_small(mask: np.ndarray, least: float) -> np.ndarray:
+def without_pieces(mask: np.ndarray, least: float) -> np.ndarray:
     """Drop connected regions below `least` pixels."""
     result = mask.copy()
     for blob in blobs(mask):
