@@ -18,6 +18,7 @@ from .clock import Clock
 from .colour import ColourEvidence
 from .config import Config
 from .depth_search import DepthSearch, Refused
+from .entropy import entropy_candidates
 from .evidence import OUTLINE_WINDOW, NoiseTable, Texture, box_rms
 from .frame import RegisteredFrame
 from .layers import Layer
@@ -153,11 +154,15 @@ class ChangeFinder:
         place = np.nan_to_num(frame.row_uncertainty, nan=0.0).astype(np.float32)
         frame.judged[place >= LOST] = False
         z2 = noise.surprise(texture, frame.residual, frame.judged, frame.misfit, place)
-        strength, colour = box_rms(z2), None
+        strength, colour, change = box_rms(z2), None, self._config.change
         if frame.colours is not None:
             colour = ColourEvidence.of(frame.live, frame.colours, frame.judged, frame.misfit, place)
             strength = np.maximum(strength, colour.strength)
-        return Seen(noise, colour, strength, candidates(strength, self._config.change), z2)
+        if change.segmentation == 'entropy':
+            mask = entropy_candidates(frame.residual, frame.judged, change)
+        else:
+            mask = candidates(strength, change)
+        return Seen(noise, colour, strength, mask, z2)
 
     def _layers(
         self,

@@ -9,6 +9,7 @@ import numpy as np
 from .change_finder import Finding
 from .config import ChangeConfig
 from .depth_rims import depth_rims
+from .parting import parted
 from .regions import change_region
 from .segmentation import Blob, blobs, drawn, tightened, without_small, without_thin, without_weak
 from .shadows import shadow_like
@@ -29,16 +30,22 @@ def changes_of(finding: Finding, config: ChangeConfig) -> list[Change]:
 
     What is left of a candidate when static objects, unknown pixels and the width of the evidence's
     window are cut away must still be large enough and reach `threshold_high` by itself. Rims of
-    static objects are no changes: they are marked as not judged.
+    static objects are no changes: they are marked as not judged. Parts of one region that hardly
+    hang together are changes of their own.
     """
     frame, seen = finding.frame, finding.seen
     mask = without_small(without_thin(seen.mask * frame.judged), config)
-    mask = without_small(tightened(mask, seen.sharp, config), config)
-    mask = without_weak(mask, seen.strength, config)
+    if config.segmentation == 'evidence':
+        mask = without_small(tightened(mask, seen.sharp, config), config)
+        mask = without_weak(mask, seen.strength, config)
     rims = depth_rims(mask, finding.layers)
     frame.judged &= rims == 0
     changes = []
-    for blob in blobs(mask & (1 - rims)):
+    for blob in [
+        part
+        for whole in blobs(mask & (1 - rims))
+        for part in parted(whole, seen, frame.judged, config)
+    ]:
         shade = shadow_like(blob, finding, config.threshold_high)
         if not (shade and config.shadows == 'suppress'):
             region = change_region(blob, seen.strength, frame.judged, shade)

@@ -160,6 +160,11 @@ class ChangeConfig:
     min_area: float = _number(
         2.6e-4, 'share of frame', 0.0, 0.5, 'smaller regions are dropped; 2.6e-4 = 80 px at 640x480'
     )
+    segmentation: str = _choice(
+        'evidence',
+        ('evidence', 'entropy'),
+        'evidence: thresholds as above; entropy: of |residual|, as the report does',
+    )
     shadows: str = _choice(
         'report',
         ('report', 'suppress'),

@@ -54,8 +54,8 @@ def candidates(evidence: np.ndarray, config: ChangeConfig) -> np.ndarray:
         # a frame of background, else closing glues regions to the image's border
         wide = cv2.copyMakeBorder(part, *[size] * 4, cv2.BORDER_CONSTANT, value=0)
         closed = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, disc)[size:-size, size:-size]
-        opened = cv2.morphologyEx(_filled(closed), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-        mask[box] = _without_small(opened, config.min_area * mask.size)
+        opened = cv2.morphologyEx(filled(closed), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+        mask[box] = without_pieces(opened, config.min_area * mask.size)
     return mask
 
 
@@ -73,13 +73,13 @@ def tightened(mask: np.ndarray, sharp: np.ndarray, config: ChangeConfig) -> np.n
     for blob in blobs(mask):
         inside = np.pad((sharp[blob.box] > OUTLINE * config.threshold_low) & blob.mask, size)
         closed = cv2.morphologyEx(inside.astype(np.uint8), cv2.MORPH_CLOSE, disc)
-        tight = _filled(closed)[size:-size, size:-size] & blob.mask
+        tight = filled(closed)[size:-size, size:-size] & blob.mask
         seen = np.count_nonzero(tight) > TIGHT_SHARE * blob.area
         result[blob.box] |= tight if seen else blob.mask
     return result
 
 
-def _filled(mask: np.ndarray) -> np.ndarray:
+def filled(mask: np.ndarray) -> np.ndarray:
     """Fill the holes of a mask (M, N) uint8 0/1."""
     outlines, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     filled = np.zeros_like(mask)
@@ -110,10 +110,10 @@ def _grown(evidence: np.ndarray, config: ChangeConfig) -> tuple[np.ndarray, tupl
 
 def without_small(mask: np.ndarray, config: ChangeConfig) -> np.ndarray:
     """Drop connected regions below `min_area` from a mask (M, N) uint8 0/1."""
-    return _without_small(mask, config.min_area * mask.size)
+    return without_pieces(mask, config.min_area * mask.size)
 
 
-def _without_small(mask: np.ndarray, least: float) -> np.ndarray:
+def without_pieces(mask: np.ndarray, least: float) -> np.ndarray:
     """Drop connected regions below `least` pixels."""
     result = mask.copy()
     for blob in blobs(mask):

@@ -1,0 +1,122 @@
+"""Touching objects that changed together are told apart where only a neck joins them."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from skimage.feature import peak_local_max
+from skimage.segmentation import watershed
+
+from .change_finder import Seen
+from .config import ChangeConfig
+from .segmentation import Blob, filled
+
+NECK = 0.2  # of the smaller part's width, below which a neck parts; objects have such at .3
+SPECKS = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))  # gaps that are noise
+LEAST_SHARE = 0.2  # of the whole: neighbours are of a size, less is a piece of an object
+APART_PX = 3  # least distance of two middles: the outline is rough
+# each pixel and its right, lower, lower right and lower left neighbour
+SIDES = (
+    (np.s_[:, :-1], np.s_[:, 1:]),
+    (np.s_[:-1], np.s_[1:]),
+    (np.s_[:-1, :-1], np.s_[1:, 1:]),
+    (np.s_[:-1, 1:], np.s_[1:, :-1]),
+)
+
+
+def parted(blob: Blob, seen: Seen, judged: np.ndarray, config: ChangeConfig) -> list[Blob]:
+    """
+    Split a blob into its parts by watershed on the distance to its outline, top to bottom.
+
+    Closing bridges the gaps between neighbours as it does those within an object. So the outline
+    is where even the smaller window of `seen.sharp` shows less than `threshold_low`; what is not
+    `judged` (M, N) bool is no outline. Two parts stay one where the neck between them is wide, or
+    where one of them is too small or too weak for an object.
+    """
+    box = blob.box
+    shown = ((seen.sharp[box] > config.threshold_low) & blob.mask).astype(np.uint8)
+    shown = filled(cv2.morphologyEx(np.pad(shown, 1), cv2.MORPH_CLOSE, SPECKS)) > 0
+    padded = np.pad(blob.mask, 1)
+    outline = np.pad(judged[box], 1, constant_values=True) & ~shown
+    depth = cv2.distanceTransform((~outline).astype(np.uint8), cv2.DIST_L2, 5) * padded
+    tops = peak_local_max(depth, min_distance=APART_PX, labels=padded.astype(np.uint8))
+    if len(tops) < 2:
+        return [blob]
+    markers = np.zeros(padded.shape, np.int32)
+    markers[tuple(tops.T)] = np.arange(1, len(tops) + 1)
+    basins = watershed(-depth, markers, connectivity=2, mask=padded)
+    inside = np.where(padded, np.pad(seen.strength[box], 1), np.float32(0.0))
+    least = max(config.min_area * seen.strength.size, LEAST_SHARE * blob.area)
+    owners = _joined(basins, depth, inside, least, config.threshold_high)
+    labels = owners[basins][1:-1, 1:-1]
+    names = np.unique(labels[labels > 0])
+    parts = [_cropped(labels == name, blob) for name in names] if len(names) > 1 else [blob]
+    return sorted(parts, key=lambda part: (part.y, part.x))
+
+
+def _cropped(mask: np.ndarray, blob: Blob) -> Blob:
+    """Return a part of a blob, given by a mask of the blob's box."""
+    x, y, width, height = cv2.boundingRect(mask.astype(np.uint8))
+    return Blob(mask[y : y + height, x : x + width], blob.x + x, blob.y + y)
+
+
+def _joined(
+    basins: np.ndarray, depth: np.ndarray, strength: np.ndarray, least: float, high: float
+) -> np.ndarray:
+    """
+    Join basins (M, N) int32 1..n until the necks between them are narrow, (n + 1,) int64.
+
+    `depth` is the distance to the outline [px], `least` the pixels and `high` the evidence that a
+    part must have. Entry k is the part that basin k belongs to.
+    """
+    count = int(basins.max())
+    width = np.zeros(count + 1)
+    peak, area = width.copy(), np.bincount(basins.ravel(), minlength=count + 1).astype(float)
+    np.maximum.at(width, basins.ravel(), depth.ravel())
+    np.maximum.at(peak, basins.ravel(), strength.ravel())
+    necks = _necks(basins, depth)
+    owners = np.arange(count + 1)
+
+    def urgency(pair: tuple[int, int]) -> float:
+        """How wide a neck is, over the smaller part's width; what is no object comes first."""
+        one, two = pair
+        poor = min(area[one], area[two]) < least or min(peak[one], peak[two]) < high
+        return necks[pair] / min(width[one], width[two]) + (2.0 if poor else 0.0)
+
+    while necks:
+        pair = max(necks, key=urgency)
+        if urgency(pair) < NECK:
+            break
+        kept, gone = pair
+        owners[owners == gone] = kept
+        area[kept] += area[gone]
+        width[kept] = max(width[kept], width[gone])
+        peak[kept] = max(peak[kept], peak[gone])
+        necks = _renamed(necks, gone, kept)
+    return owners
+
+
+def _necks(basins: np.ndarray, depth: np.ndarray) -> dict[tuple[int, int], float]:
+    """Half the width of the widest passage between each two basins that touch [px]."""
+    necks: dict[tuple[int, int], float] = {}
+    for one, two in SIDES:
+        a, b = basins[one], basins[two]
+        touch = (a != b) & (a > 0) & (b > 0)
+        pass_at = np.minimum(depth[one], depth[two])[touch]
+        low, high = np.minimum(a, b)[touch], np.maximum(a, b)[touch]
+        for left, right, width in zip(low.tolist(), high.tolist(), pass_at.tolist(), strict=True):
+            necks[left, right] = max(necks.get((left, right), 0.0), width)
+    return necks
+
+
+def _renamed(
+    necks: dict[tuple[int, int], float], gone: int, kept: int
+) -> dict[tuple[int, int], float]:
+    """Return the necks once a part has joined another."""
+    renamed: dict[tuple[int, int], float] = {}
+    for pair, width in necks.items():
+        one, two = (kept if name == gone else name for name in pair)
+        if one != two:
+            key = (min(one, two), max(one, two))
+            renamed[key] = max(renamed.get(key, 0.0), width)
+    return renamed
