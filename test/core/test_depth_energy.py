@@ -17,7 +17,7 @@ from rsmb_ros.core.depth_energy import (
 from rsmb_ros.core.evidence import NoiseTable, Texture
 from rsmb_ros.core.motion import CameraPath
 from rsmb_ros.core.photometric import Light
-from rsmb_ros.core.render import Window
+from rsmb_ros.core.render import Shown, Window
 from rsmb_ros.core.sampling import half_pixel
 
 SHAPE = (40, 48)  # of the live frame
@@ -120,7 +120,7 @@ def test_both_ways_of_comparing_depths_agree(texture_of, noise, live, bent_path)
         rows = range(window.top, window.bottom)
         own = [naive.blurred_row(fine, bent_path, y, counts[y], depth) for y in rows]
         part = np.stack(own)[:, window.left : window.right]
-        return np.nan_to_num(part), np.isfinite(part)
+        return Shown(np.nan_to_num(part), None, np.isfinite(part))
 
     own = PathEnergy(live, noise, sight).best(window, mask, np.array([0.7, 0.9]), 5.0)
     other = RenderedEnergy(live, noise, render).best(window, mask, np.array([0.7, 0.9]), 5.0)
