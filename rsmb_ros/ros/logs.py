@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-LOG_EVERY_S = 5.0  # for what may be said at every frame
+# For what may be said at every frame. rclpy counts it for each line of code that says something:
+# what shares a line silences each other.
+LOG_EVERY_S = 5.0
 
 
 class Log(Protocol):

@@ -101,7 +101,8 @@ class Reception:
             self._check(msg, self._max_megapixels())
         except MalformedMessage as error:
             self._worker.refuse(MALFORMED)
-            self._refuse('image', error)
+            self._health.malformed(error.cause)
+            self._log.warning(f'image skipped: {error}', throttle_duration_sec=LOG_EVERY_S)
             return
         self._health.frame_received()
         self._note_stamp(stamp)
@@ -121,7 +122,8 @@ class Reception:
             stamp = stamp_ns(msg.header.stamp)
             self._check(msg, self._max_megapixels())
         except MalformedMessage as error:
-            self._refuse('reference', error)
+            self._health.malformed(error.cause)
+            self._log.warning(f'reference skipped: {error}', throttle_duration_sec=LOG_EVERY_S)
             return
         self._references.leave_image(msg, stamp, self._max_megapixels())
         self._worker.submit_reference(self._references)
@@ -132,7 +134,8 @@ class Reception:
             stamp = stamp_ns(msg.header.stamp)
             check_depth(msg, self._max_megapixels())
         except MalformedMessage as error:
-            self._refuse('depth', error)
+            self._health.malformed(error.cause)
+            self._log.warning(f'depth skipped: {error}', throttle_duration_sec=LOG_EVERY_S)
             return
         self._references.leave_depth(msg, stamp, self._max_megapixels())
         self._worker.submit_reference(self._references)
@@ -151,10 +154,6 @@ class Reception:
                 'rectified either, since a rectified row is no longer read at one time'
             )
         self._on_intrinsics(intrinsics)
-
-    def _refuse(self, what: str, error: MalformedMessage) -> None:
-        self._health.malformed(error.cause)
-        self._log.warning(f'{what} skipped: {error}', throttle_duration_sec=LOG_EVERY_S)
 
     def _note_stamp(self, stamp: int) -> None:
         """Tell health of a stamp that time does not explain; the frame is used all the same."""

@@ -89,7 +89,8 @@ class References:
             try:
                 image = self._read(one)
             except FrameError as error:
-                self._refuse('reference', error)
+                self._health.malformed(getattr(error, 'cause', 'reference'))
+                self._log.warning(f'reference skipped: {error}', throttle_duration_sec=LOG_EVERY_S)
             else:
                 # A latched publisher reaches both subscriptions, and some repeat their image for
                 # ever: an equal reference changes nothing.
@@ -102,7 +103,8 @@ class References:
                 depth = depth_from_msg(one.msg, one.max_megapixels)
                 pair = self._pairing.depth(checked_depth(depth, depth.shape), one.stamp_ns)
             except FrameError as error:
-                self._refuse('depth', error)
+                self._health.malformed(getattr(error, 'cause', 'depth'))
+                self._log.warning(f'depth skipped: {error}', throttle_duration_sec=LOG_EVERY_S)
                 continue
             if pair is None and (waiting := self._pairing.waiting()):
                 self._log.info(
@@ -123,7 +125,3 @@ class References:
         return all(
             np.array_equal(getattr(msg, name), getattr(other, name)) for name in self._content
         )
-
-    def _refuse(self, what: str, error: FrameError) -> None:
-        self._health.malformed(getattr(error, 'cause', what))
-        self._log.warning(f'{what} skipped: {error}', throttle_duration_sec=LOG_EVERY_S)
