@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import pytest
 
-from rsmb_ros.messages.outputs import OUTPUTS
-
 ANSWER_S = 60.0
 
 
@@ -33,7 +31,7 @@ def node(ros_environment, built, monkeypatch):
 
         return replace(output, build=build)
 
-    monkeypatch.setattr(outputs, 'OUTPUTS', tuple(map(recording, OUTPUTS)))
+    monkeypatch.setattr(outputs, '_PUBLISHED', tuple(map(recording, outputs._PUBLISHED)))
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     node = module.RsmbNode()
     executor = SingleThreadedExecutor()
