@@ -107,7 +107,7 @@ def test_missing_file_is_named(detect, swap):
     [
         ('notes.txt', None, "4 bytes of format 'txt' cannot be decoded, must be a JPEG or PNG"),
         ('empty.png', 0, 'has no data'),
-        ('cut.png', 2000, 'cut off: 2000 bytes without its end\n'),
+        ('cut.png', 2000, 'cut off: 2000 bytes without its end'),
     ],
 )
 def test_file_that_is_no_image_is_named(rsmb, image_files, tmp_path, name, keep, reason):
@@ -116,8 +116,9 @@ def test_file_that_is_no_image_is_named(rsmb, image_files, tmp_path, name, keep,
     out = tmp_path / 'out'
     done = rsmb('detect', image_files / 'reference.png', tmp_path / name, '-o', out)
     assert done.code == 1
-    assert f'{name}: not an image: ' in done.err
-    assert reason in done.err
+    said = ' '.join(done.err.split())  # a long path may wrap the line
+    assert f'{name}: not an image: ' in said
+    assert reason in said
     assert not out.exists()
 
 
