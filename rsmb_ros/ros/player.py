@@ -58,7 +58,7 @@ class Player:
     ) -> None:
         self._check = check
         self._context = rclpy.Context()
-        rclpy.init(context=self._context)
+        rclpy.init(args=[], context=self._context)  # our own command line is none of ROS
         self.node = rclpy.create_node('rsmb_player', context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)

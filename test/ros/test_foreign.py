@@ -18,7 +18,10 @@ READY_S, RUN_S, ANSWER_S = 240.0, 150.0, 30.0
 def rig(start_node, start_peer):
     """Start a node and a peer of ours that hears the same outputs."""
     start_node().wait_for_log('ready: ', READY_S)
-    return start_peer()
+    peer = start_peer()
+    # diagnostics were subscribed to last: once they come, the node knows our other subscriptions
+    peer.wait_for_state(lambda _: True, ANSWER_S, 'diagnostics')
+    return peer
 
 
 @pytest.mark.parametrize('client', ['rosless', 'cyclonedds'])
