@@ -35,6 +35,7 @@ LAST_LOOKS = 2  # at most, for static objects that only show when others are exp
 STILL = 0.25  # px; a fit that has moved no row further needs no other
 STATIC_COST = 0.3  # of a pixel that another depth explains against one that nothing does
 LOST = 3.0  # px, standard deviation of the place of a row that is not judged
+OUTLINED = 3.0  # times weaker than colour is brightness where colour draws the outline
 DOUBT = 0.15  # share of a row left unexplained, over DOUBT_ROWS rows: the path may be another's
 DOUBT_ROWS = 25  # at 480 rows
 
@@ -53,7 +54,11 @@ class Seen:
     def sharp(self) -> np.ndarray:
         """Evidence over a smaller window (M, N) float32 [sigma]."""
         sharp = box_rms(self.squares, OUTLINE_WINDOW)
-        return sharp if self.colour is None else np.maximum(sharp, self.colour.sharp)
+        if self.colour is None:
+            return sharp
+        # brightness has the finer outline, wherever there is one
+        dim = box_rms(self.squares) < self.colour.sharp / OUTLINED
+        return np.where(dim, np.maximum(sharp, self.colour.sharp), sharp)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from .coarse import StripMatches
 from .config import Config
 from .frame import PathFrame, RegisteredFrame
 from .level_fit import SHARP_ROWS
+from .loose_ends import mended
 from .motion import Grid
 from .path_estimator import PathEstimator
 from .path_fit import PathFit
@@ -90,4 +91,4 @@ class PathStage:
         frame = build(fit)
         if self._rows is None:
             return frame
-        return self._rows.refined(frame, image, build)
+        return mended(self._rows.refined(frame, image, build), image, self._estimator, build)

@@ -11,7 +11,12 @@ import pytest
 from rsmb_ros.core import Camera, Config, Detector
 from rsmb_ros.core import row_refinement as refinement
 from rsmb_ros.core._kernels.row_shift import TERMS, row_sums
+from rsmb_ros.core.frame import PathFrame
+from rsmb_ros.core.loose_ends import mended
 from rsmb_ros.core.motion import Grid, coordinates_from_poses, homographies
+from rsmb_ros.core.path_estimator import PathEstimator
+from rsmb_ros.core.points import LiveImage
+from rsmb_ros.core.reference import Reference
 from rsmb_ros.core.row_signal import SMOOTH, row_signal, second_half, smooth_shifts
 from rsmb_ros.core.shutter import ShutterTiming
 from rsmb_ros.core.synthesis import Nuisances, Scene, Sheet, live_frame, reference_image
@@ -264,3 +269,24 @@ def test_smooth_shifts_solve_the_dense_system():
         dense[2 * n : 2 * n + 2, 2 * n : 2 * n + 2] += normal[n]
     expected = np.linalg.solve(dense, target.ravel()).reshape(rows, 2)
     np.testing.assert_allclose(smooth_shifts(sums), expected, rtol=1e-8)
+
+
+@pytest.mark.parametrize('end', [0, -1])
+def test_an_end_that_slid_away_is_followed_anew(texture, executor, end):
+    found = case(texture, vibration=2.0, period=60.0)
+    reference = Reference(found.reference, 2.2)
+    estimator = PathEstimator(reference, found.grid, Config(), executor)
+    right = Detector(found.reference, CAMERA).detect(found.live).views
+    live = LiveImage(right.grey, 2.2)
+
+    def build(fit):
+        return PathFrame(reference, found.live, right.grey, fit, executor)
+
+    assert mended(right, live, estimator, build) is right, 'nothing is loose'
+    control = right.path.control.copy()
+    control[slice(0, 3) if end == 0 else slice(-3, None), :2] += 8.0
+    slid = build(replace(right.fit, path=replace(right.path, control=control), cost=9.0))
+    assert row_errors(found, slid)[end] > 4.0
+    again = mended(slid, live, estimator, build)
+    assert row_errors(found, again)[end] < 0.5
+    assert np.median(row_errors(found, again)) < 0.1
