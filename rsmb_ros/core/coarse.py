@@ -162,7 +162,7 @@ class CoarseSearch:
             begin = (max(0, r0 + at[1] - reach), max(0, c0 + at[0] - reach))
             end = (min(ref_rows, r1 + at[1] + reach), min(ref_cols, c1 + at[0] + reach))
             scores = self._correlate(piece, begin, end)
-            found = _sub_pixel_peak(scores)
+            found = sub_pixel_peak(scores)
             if found is None:
                 continue
             dx, dy, peak, sharp_x, sharp_y = found
@@ -266,7 +266,7 @@ def _add_at(votes: np.ndarray, counts: np.ndarray, scores: np.ndarray, at: tuple
     counts[target] += 1.0
 
 
-def _sub_pixel_peak(scores: np.ndarray) -> tuple[float, ...] | None:
+def sub_pixel_peak(scores: np.ndarray) -> tuple[float, ...] | None:
     """Place x, y, height and sharpness x, y of the highest correlation; None when too low."""
     row, col = np.unravel_index(int(scores.argmax()), scores.shape)
     peak = float(scores[row, col])

@@ -38,6 +38,10 @@ STOP_STEP = (0.01, 0.04, 0.15)  # px, how far a step still moves the rows, rms
 # the path while it is far off; a shaken camera must bend it in the end.
 STIFFNESS = ((0.1, 0.003), (1.0, 0.1), (1.0, 0.1))
 RELAXED_AFTER = 3  # iterations
+# A step after which the residuals are so much larger [grey levels] was too long: along what hardly
+# changes the image, a step is as long as its outcome is uncertain.
+WORSE, LITTLE_WORSE = 1.1, 0.05
+SHORTER = 0.25  # share of such a step that is tried instead
 # How far an edge may be off for reasons that are not the camera, first and relaxed [px]: bounds
 # what a strong edge can say, so that one rich object does not outweigh the ground.
 MISPLACED = ((0.5, 0.1), (0.5, 0.5), (0.5, 0.5))
@@ -88,6 +92,7 @@ class LevelFit:
     ) -> PathFit:
         start_exposure = fit.path.exposure_rows
         step, share, moved = np.zeros_like(linear.gradient), 1.0, np.inf
+        base = fit
         begin = RELAXED_AFTER if near else 0
         for iteration in range(begin, begin + (most or ITERATIONS[self._stage])):
             tukey = self._stage == 0 and iteration > 0  # before that frame ends may be far off
@@ -97,18 +102,23 @@ class LevelFit:
                 moved = 0.0
             else:
                 linear.look(fit, misplaced, tukey)
+            spread = linear.spread()
+            if iteration > begin and spread.cost > WORSE * base.cost + LITTLE_WORSE:
+                step *= SHORTER
+                fit, moved = _stepped(base, step, self._dof, start_exposure), np.inf
+                continue
+            base = _known(fit, spread)
             priors = self._priors(iteration, free_exposure, start_exposure)
             normal, gradient = priors.applied(
-                linear.arrow, linear.gradient, fit.path.control, fit.path.exposure_rows, fit.sigma
+                linear.arrow, linear.gradient, base.path.control, base.path.exposure_rows, fit.sigma
             )
             before, step = step, normal.solved(gradient)[0]
             # a step that turns back has gone too far, as weakly held ends of a frame do for ever
             share = max(0.25, 0.5 * share) if step @ before < 0 else min(1.0, 1.5 * share)
             step *= share
-            spread = linear.spread()
             row_step = linear.row_step(step, fit)
             moved += row_step
-            fit = _stepped(fit, step, spread, self._dof, start_exposure)
+            fit = _stepped(base, step, self._dof, start_exposure)
             if iteration >= RELAXED_AFTER and row_step < STOP_STEP[self._stage]:
                 break
         fit = replace(fit, exposure_held=not free_exposure)
@@ -161,9 +171,8 @@ def _relaxed(first_and_last: tuple[float, float], iteration: int) -> float:
     return float(first * (last / first) ** min(1.0, iteration / RELAXED_AFTER))
 
 
-def _stepped(
-    fit: PathFit, step: np.ndarray, residuals: Residuals, dof: int, start_exposure: float
-) -> PathFit:
+def _stepped(fit: PathFit, step: np.ndarray, dof: int, start_exposure: float) -> PathFit:
+    """Return a fit one step further; what is known of its residuals is that of before."""
     path = fit.path
     control = path.control.copy()
     control[:, :dof] += step[:-AHEAD].reshape(-1, dof)
@@ -178,7 +187,10 @@ def _stepped(
         path=replace(path, control=control, exposure_rows=float(exposure)),
         light=Light(fit.light.gain + extra[:4], fit.light.bias + float(BIAS_SCALE) * extra[4]),
         defocus=float(min(max(fit.defocus + extra[6], DEFOCUS[0]), DEFOCUS[1])),
-        sigma=max(MIN_SIGMA, residuals.sigma) if residuals.used else fit.sigma,
-        cost=residuals.cost,
-        used=residuals.used,
     )
+
+
+def _known(fit: PathFit, residuals: Residuals) -> PathFit:
+    """Return a fit with what is known of its residuals."""
+    sigma = max(MIN_SIGMA, residuals.sigma) if residuals.used else fit.sigma
+    return replace(fit, sigma=sigma, cost=residuals.cost, used=residuals.used)
