@@ -74,7 +74,8 @@ def mended(
         still = _still(frame.fit.path, last)
         ahead = build(replace(frame.fit, path=shifted(still, 1.0, (0.0, outwards * MARGIN))))
         turn = still.row_homographies()[last, :2, :2]
-        places = path.row_centroids()[[last - outwards * STRIP, last], :2]
+        inwards = min(max(last - outwards * STRIP, held[0]), held[-1])
+        places = path.row_centroids()[[inwards, last], :2]
         speed = np.linalg.solve(turn, places[1] - places[0])
         rows, moved = _followed(live.grey, ahead, last, outwards, speed)
         end = np.arange(len(loose)) * outwards > last * outwards
