@@ -25,7 +25,7 @@ from .layers import Layer
 from .motion import moved_px
 from .path_stage import PathStage
 from .row_frame import RowStage
-from .segmentation import blobs, candidates
+from .segmentation import blobs, candidates, outline_level
 
 # Share of the frame that must misfit before the path is fitted again without it: an object whose
 # texture outdoes the ground's has bent the path, and no single depth then explains it.
@@ -49,11 +49,17 @@ class Seen:
     strength: np.ndarray  # (M, N) float32 [sigma]
     mask: np.ndarray  # (M, N) uint8 0/1, candidate objects
     squares: np.ndarray  # (M, N) float32, of the normalised residual, truncated
+    outline: float  # evidence that the outline of an object is drawn at [sigma]
 
     @cached_property
     def sharp(self) -> np.ndarray:
-        """Evidence over a smaller window (M, N) float32 [sigma]."""
-        sharp = box_rms(self.squares, OUTLINE_WINDOW)
+        """
+        Evidence over a smaller window (M, N) float32 [sigma].
+
+        However strong a residual is, `outline` is reached where it fills half of the window: it
+        does not widen its object.
+        """
+        sharp = box_rms(np.minimum(self.squares, np.float32(2.0 * self.outline**2)), OUTLINE_WINDOW)
         if self.colour is None:
             return sharp
         # brightness has the finer outline, wherever there is one
@@ -167,7 +173,7 @@ class ChangeFinder:
             mask = entropy_candidates(frame.residual, frame.judged, change)
         else:
             mask = candidates(strength, change)
-        return Seen(noise, colour, strength, mask, z2)
+        return Seen(noise, colour, strength, mask, z2, outline_level(change))
 
     def _layers(
         self,

@@ -36,7 +36,7 @@ def changes_of(finding: Finding, config: ChangeConfig) -> list[Change]:
     frame, seen = finding.frame, finding.seen
     mask = without_small(without_thin(seen.mask * frame.judged), config)
     if config.segmentation == 'evidence':
-        mask = without_small(tightened(mask, seen.sharp, config), config)
+        mask = without_small(tightened(mask, seen.sharp, seen.outline), config)
         mask = without_weak(mask, seen.strength, config)
     rims = depth_rims(mask, finding.layers)
     frame.judged &= rims == 0

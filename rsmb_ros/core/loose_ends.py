@@ -37,7 +37,9 @@ NARROWEST = 0.25  # of the frame's width that must be comparable
 SWEEP = 0.5  # share of a strip's own motion in what is expected of the next
 STIFF = 1e-2  # of the third difference, where nothing else says how a path goes on
 ITERATIONS = 8  # of the fit from there
-GAIN = 0.01  # share of the misfit that must go
+GAIN = 0.01  # share of the misfit that must go, ...
+STILL_USED = 0.98  # ... not by leaving the reference, ...
+FEWER = 0.5  # ... and share of the loose rows that may stay: a shadow or an object loosens rows too
 
 AnyFrame = TypeVar('AnyFrame', bound=Frame)
 
@@ -83,7 +85,10 @@ def mended(
     start = replace(frame.fit, path=path)
     level = estimator.level_fit(0, live.points(1)[0], path)
     fit = level.run(start, not start.exposure_held, ITERATIONS, near=True)
-    return build(fit) if fit.cost < (1.0 - GAIN) * frame.fit.cost else frame
+    if fit.cost > (1.0 - GAIN) * frame.fit.cost or fit.used < STILL_USED * frame.fit.used:
+        return frame
+    again = build(fit)
+    return again if loose_rows(again).sum() < FEWER * loose.sum() else frame
 
 
 def loose_rows(frame: Frame) -> np.ndarray:

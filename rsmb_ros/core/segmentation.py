@@ -59,19 +59,25 @@ def candidates(evidence: np.ndarray, config: ChangeConfig) -> np.ndarray:
     return mask
 
 
-def tightened(mask: np.ndarray, sharp: np.ndarray, config: ChangeConfig) -> np.ndarray:
+def outline_level(config: ChangeConfig) -> float:
+    """Return the evidence of the smaller window that outlines are drawn at [sigma]."""
+    return OUTLINE * config.threshold_low
+
+
+def tightened(mask: np.ndarray, sharp: np.ndarray, level: float) -> np.ndarray:
     """
     Draw the outlines of objects in a mask (M, N) uint8 0/1 where the residual begins.
 
     `mask` is as wide as the window of the evidence it was found by; `sharp` (M, N) [sigma] is
-    evidence of a smaller window. An object keeps its outline where too little of it shows there.
+    evidence of a smaller window, and `level` what it reaches inside. An object keeps its outline
+    where too little of it shows there.
     """
     scale = np.sqrt(mask.size / BASE_PIXELS)
     size = 2 * max(1, round(TIGHT_RADIUS * scale)) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     result = np.zeros_like(mask)
     for blob in blobs(mask):
-        inside = np.pad((sharp[blob.box] > OUTLINE * config.threshold_low) & blob.mask, size)
+        inside = np.pad((sharp[blob.box] > level) & blob.mask, size)
         closed = cv2.morphologyEx(inside.astype(np.uint8), cv2.MORPH_CLOSE, disc)
         tight = filled(closed)[size:-size, size:-size] & blob.mask
         seen = np.count_nonzero(tight) > TIGHT_SHARE * blob.area

@@ -12,9 +12,10 @@ from rsmb_ros.core import Camera, Config, Detector
 from rsmb_ros.core import row_refinement as refinement
 from rsmb_ros.core._kernels.row_shift import TERMS, row_sums
 from rsmb_ros.core.frame import PathFrame
-from rsmb_ros.core.loose_ends import mended
+from rsmb_ros.core.loose_ends import loose_rows, mended
 from rsmb_ros.core.motion import Grid, coordinates_from_poses, homographies
 from rsmb_ros.core.path_estimator import PathEstimator
+from rsmb_ros.core.photometric import luma
 from rsmb_ros.core.points import LiveImage
 from rsmb_ros.core.reference import Reference
 from rsmb_ros.core.row_signal import SMOOTH, row_signal, second_half, smooth_shifts
@@ -292,3 +293,21 @@ def test_an_end_that_slid_away_is_followed_anew(texture, executor, end, knots, s
     again = mended(slid, live, estimator, build)
     assert row_errors(found, again)[end] < 0.5
     assert np.median(row_errors(found, again)) < 0.1
+
+
+def test_an_end_that_something_new_covers_stays_where_it_is(texture, executor):
+    found = case(texture)
+    right = Detector(found.reference, CAMERA).detect(found.live).views
+    live = found.live.copy()
+    rng = np.random.default_rng(8)
+    live[200:, 40:300] = rng.integers(60, 200, live[200:, 40:300].shape)
+    grey = luma(live)
+    reference = Reference(found.reference, 2.2)
+    estimator = PathEstimator(reference, found.grid, Config(), executor)
+
+    def build(fit):
+        return PathFrame(reference, live, grey, fit, executor)
+
+    covered = build(right.fit)
+    assert loose_rows(covered)[-1]
+    assert mended(covered, LiveImage(grey, 2.2), estimator, build) is covered

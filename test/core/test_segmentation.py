@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from rsmb_ros.core.config import ChangeConfig
-from rsmb_ros.core.evidence import OUTLINE_WINDOW, evidence
-from rsmb_ros.core.segmentation import blobs, candidates, tightened
+from rsmb_ros.core.change_finder import Seen
+from rsmb_ros.core.evidence import MAX_Z2, evidence
+from rsmb_ros.core.segmentation import blobs, candidates, outline_level, tightened
 
 CONFIG = ChangeConfig()
+LEVEL = outline_level(CONFIG)
 SHAPE = (480, 640)
 
 
@@ -24,7 +26,8 @@ def drawn(truth, strength, seed=3):
     z = np.random.default_rng(seed).normal(0, 1, SHAPE).astype(np.float32)
     z[truth] += strength * np.random.default_rng(seed + 1).choice([-1.0, 1.0], truth.sum())
     wide = candidates(evidence(z), CONFIG)
-    return wide, tightened(wide, evidence(z, OUTLINE_WINDOW), CONFIG)
+    seen = Seen(None, None, None, wide, np.minimum(z * z, np.float32(MAX_Z2)), LEVEL)
+    return wide, tightened(wide, seen.sharp, LEVEL)
 
 
 def radius_of(mask):
@@ -32,13 +35,13 @@ def radius_of(mask):
 
 
 @pytest.mark.parametrize('radius', [12, 25, 60])
-@pytest.mark.parametrize('strength', [8.0, 12.0, 20.0])
-def test_outline_of_a_disc_is_right_to_a_pixel(radius, strength):
+@pytest.mark.parametrize('strength', [8.0, 12.0, 20.0, 60.0])
+def test_outline_of_a_disc_is_right_to_half_a_pixel(radius, strength):
     truth = disc(radius)
     wide, tight = drawn(truth, strength)
     true = radius_of(truth)
     assert radius_of(wide) - true > 1.5, 'the window of the evidence widens it'
-    assert abs(radius_of(tight) - true) < 1.0
+    assert abs(radius_of(tight) - true) < 0.5
     assert not np.any(tight & ~wide)
     core = cv2.erode(truth.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     assert tight[core].all()
@@ -49,7 +52,7 @@ def test_a_weak_object_keeps_its_outline():
     wide = disc(20).astype(np.uint8)
     sharp = np.where(disc(20), np.float32(2.5), np.float32(1.0))
     sharp[disc(4, (295.0, 215.0))] = 9.0
-    np.testing.assert_array_equal(tightened(wide, sharp, CONFIG), wide)
+    np.testing.assert_array_equal(tightened(wide, sharp, LEVEL), wide)
 
 
 def test_each_object_is_judged_alone():
@@ -58,7 +61,7 @@ def test_each_object_is_judged_alone():
     sharp = np.ones(SHAPE, np.float32)
     sharp[weak] = 2.5
     sharp[inside] = 9.0
-    tight = tightened((weak | strong).astype(np.uint8), sharp, CONFIG) > 0
+    tight = tightened((weak | strong).astype(np.uint8), sharp, LEVEL) > 0
     np.testing.assert_array_equal(tight, weak | inside)
 
 
@@ -68,7 +71,7 @@ def test_a_thin_gap_does_not_split_an_object(gap):
     mask[200:260, 300:400] = 1
     sharp = np.where(mask > 0, np.float32(9.0), np.float32(1.0))
     sharp[:, 350 : 350 + gap] = 1.0
-    found = blobs(tightened(mask, sharp, CONFIG))
+    found = blobs(tightened(mask, sharp, LEVEL))
     assert len(found) == 1
     assert found[0].area >= 0.98 * 6000
 
@@ -78,11 +81,11 @@ def test_a_wide_gap_does_split_it():
     mask[200:260, 300:400] = 1
     sharp = np.where(mask > 0, np.float32(9.0), np.float32(1.0))
     sharp[:, 340:360] = 1.0
-    assert len(blobs(tightened(mask, sharp, CONFIG))) == 2
+    assert len(blobs(tightened(mask, sharp, LEVEL))) == 2
 
 
 def test_an_object_at_the_border_keeps_its_edge_there():
     mask = np.zeros(SHAPE, np.uint8)
     mask[:40, :50] = 1
     sharp = np.where(mask > 0, np.float32(9.0), np.float32(1.0))
-    np.testing.assert_array_equal(tightened(mask, sharp, CONFIG), mask)
+    np.testing.assert_array_equal(tightened(mask, sharp, LEVEL), mask)
