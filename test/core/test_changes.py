@@ -16,7 +16,7 @@ CONFIG = ChangeConfig()
 def finding(mask, strength, judged=None):
     """A settled frame whose evidence is as sharp as its window is wide."""
     judged = np.ones(SHAPE, bool) if judged is None else judged
-    seen = SimpleNamespace(mask=mask, strength=strength, sharp=strength)
+    seen = SimpleNamespace(mask=mask, strength=strength, sharp=strength, outline=4.0)
     black = np.zeros(SHAPE, np.float32)  # no ground to show through
     frame = SimpleNamespace(judged=judged, grey=black, predicted=black)
     return SimpleNamespace(frame=frame, seen=seen, layers=())

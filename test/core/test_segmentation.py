@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from rsmb_ros.core.config import ChangeConfig
 from rsmb_ros.core.change_finder import Seen
+from rsmb_ros.core.config import ChangeConfig
 from rsmb_ros.core.evidence import MAX_Z2, evidence
 from rsmb_ros.core.segmentation import blobs, candidates, outline_level, tightened
 
