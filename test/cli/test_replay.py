@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from rsmb_ros.bags.image_files import read_image
 from rsmb_ros.bags.reading import Bag
 from rsmb_ros.bags.writing import BagWriter
-from rsmb_ros.cli import replay as replay_module
-from rsmb_ros.cli.images import read_image
 from rsmb_ros.core import Camera, Config, Detector
 from rsmb_ros.messages.as_json import summary_to_dict
 from rsmb_ros.messages.outputs import OUTPUTS
+from rsmb_ros.replay import results as replay_results
 
 
 def images_of(path, topic):
@@ -219,7 +219,7 @@ def test_interrupted_replay_leaves_a_readable_bag(replay, flight_bag, monkeypatc
                 raise KeyboardInterrupt
             return super().detect(live, stamp)
 
-    monkeypatch.setattr(replay_module, 'Detector', Interrupted)
+    monkeypatch.setattr(replay_results, 'Detector', Interrupted)
     done, out = replay(flight_bag, '--csv', tmp_path / 'r.csv', '--report', tmp_path / 'r.html')
     assert done.code == 130
     assert len(images_of(out, '/rsmb/change_mask')) == 2
@@ -237,7 +237,7 @@ def test_ctrl_c_waits_for_the_frame_in_work(replay, flight_bag, monkeypatch):
                 signal.raise_signal(signal.SIGINT)
             return super().detect(live, stamp)
 
-    monkeypatch.setattr(replay_module, 'Detector', Signalled)
+    monkeypatch.setattr(replay_results, 'Detector', Signalled)
     before = signal.getsignal(signal.SIGINT)
     done, out = replay(flight_bag)
     assert done.code == 130
