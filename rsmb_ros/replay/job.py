@@ -12,7 +12,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from rsmb_ros.bags.reading import Bag
-from rsmb_ros.core import Config
+from rsmb_ros.core import Camera, Config
 from rsmb_ros.core.errors import BagError, ConfigError
 
 from .bag_sink import BagSink
@@ -90,7 +90,7 @@ def replay(job: ReplayJob, watch: Watch = unwatched) -> Summary:
         if first is None:
             raise BagError(f'{job.source}: no frame of {live.name} can be read')
         sinks: list[Sink] = []
-        for sink in _sinks(job, summary, live.count):
+        for sink in _sinks(job, summary, bag):
             stack.callback(sink.close)
             sinks.append(sink)
         for frame, image, result in watch(chain([first], found), live.count, live.name):
@@ -101,11 +101,13 @@ def replay(job: ReplayJob, watch: Watch = unwatched) -> Summary:
     return summary
 
 
-def _sinks(job: ReplayJob, summary: Summary, total: int) -> Iterator[Sink]:
+def _sinks(job: ReplayJob, summary: Summary, bag: Bag) -> Iterator[Sink]:
     """Open what the job wants written, one after the other."""
     yield BagSink(job.output, job.config)
     if job.csv:
         yield CsvSink(job.csv)
     yield summary
     if job.report:
-        yield ReportSink(job.report, summary, total)
+        focal_px = bag.focal_px()
+        camera = None if focal_px is None else Camera(focal_px)
+        yield ReportSink(job.report, summary, job.config, camera)

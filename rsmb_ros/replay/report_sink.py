@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from rsmb_ros.bags.reading import BagFrame
+from rsmb_ros.core import Camera, Config
 from rsmb_ros.core.types import Result
-from rsmb_ros.report.html import Report
-from rsmb_ros.report.overlay import describe, draw_overlay
+from rsmb_ros.report.flight.report import FlightReport
 
 from .summary import Summary
 
@@ -22,28 +22,26 @@ class ReportSink:
     ----------
     path : Path
     summary : Summary
-        Of this replay; its numbers stand on top of the page.
-    total : int
-        Frames to come, at most.
+        Of this replay; names the recording.
+    config : Config
+        Of this replay.
+    camera : Camera, optional
+        What the recording says about it.
 
     """
 
-    def __init__(self, path: Path, summary: Summary, total: int) -> None:
+    def __init__(self, path: Path, summary: Summary, config: Config, camera: Camera | None) -> None:
         self._path, self._summary = path, summary
-        self._report = Report(f'Replay of {summary.source.name}', total)
+        self._report = FlightReport(f'Replay of {summary.source.name}', config, camera)
 
     def take(self, frame: BagFrame, reference: np.ndarray, result: Result) -> None:
-        """Keep the pictures of a frame that will be shown."""
-        if self._report.wants(frame.index):
-            pictures = {
-                'reference': reference,
-                'live': frame.image,
-                'registered': result.registered,
-                'what changed': draw_overlay(frame.image, result),
-            }
-            title = f'frame {frame.index}'
-            self._report.add(frame.index, title, describe(result), pictures)
+        """Keep what the page will need of a frame."""
+        time_ns = frame.stamp_ns or frame.log_time_ns
+        self._report.add(frame.index, time_ns, frame.image, reference, result)
 
     def close(self) -> None:
         """Write the page."""
-        self._report.write(self._path, self._summary.values())
+        facts = {'recording': str(self._summary.source), 'topic': self._summary.topic}
+        if self._summary.skipped:
+            facts['frames that could not be read'] = f'{self._summary.skipped:,}'
+        self._report.write(self._path, facts)
