@@ -22,12 +22,12 @@ def line(x: np.ndarray, y: np.ndarray) -> str:
     """Return a path through points, interrupted where one is not finite."""
     parts = []
     pen = 'M'
-    for a, b in zip(x, y, strict=True):
-        if not (math.isfinite(a) and math.isfinite(b)):
+    for a, b in _short(np.stack([x, y], axis=1)):
+        if math.isfinite(a + b):
+            parts.append(f'{pen}{a:g} {b:g}')
+            pen = 'L'
+        else:
             pen = 'M'
-            continue
-        parts.append(f'{pen}{_short(a)} {_short(b)}')
-        pen = 'L'
     return ''.join(parts)
 
 
@@ -42,12 +42,12 @@ def band(x: np.ndarray, low: np.ndarray, high: np.ndarray) -> str:
 
 def bars(left: np.ndarray, heights: np.ndarray, base: float, width: float) -> str:
     """Return upright bars that stand on `base` (y grows downwards); none where the height is 0."""
+    shown = _short(np.stack([left, heights], axis=1))
     return ''.join(
-        f'M{_short(x)} {_short(base)}v{_short(-height)}h{_short(width)}v{_short(height)}z'
-        for x, height in zip(left, heights, strict=True)
-        if height > 0
+        f'M{x:g} {base:g}v{-height:g}h{width:g}v{height:g}z' for x, height in shown if height > 0
     )
 
 
-def _short(value: float) -> str:
-    return f'{round(value, 1) + 0.0:g}'
+def _short(values: np.ndarray) -> list:
+    """Return numbers with one digit after the point, as Python prints them fast."""
+    return (np.round(values, 1) + 0.0).tolist()

@@ -43,6 +43,15 @@ class Box:
             return 0.0
         return width * height / max(min(self.area, other.area), 1e-9)
 
+    def united(self, other: Box) -> Box:
+        """Return the box around two boxes."""
+        return Box(
+            min(self.left, other.left),
+            min(self.top, other.top),
+            max(self.right, other.right),
+            max(self.bottom, other.bottom),
+        )
+
     @classmethod
     def around(cls, points: np.ndarray) -> Box | None:
         """Return the box of points (n, 2); None where they are not known."""
@@ -84,9 +93,23 @@ class Place:
     last: int  # ... of the last one
     best: Region  # the sighting with the highest score
     best_frame: int
-    frames: int = 0  # that showed it
+    frames: int = 1  # that showed it
+    before: Box | None = None  # in the frame before the last one that showed it
     views: Views | None = None  # of the best sighting
     strip: Thinned[Glimpse] = field(default_factory=lambda: Thinned(STRIP))
+
+    def meet(self, box: Box | None, frame: int) -> None:
+        """Note a sighting; several pieces in one frame are one."""
+        if frame != self.last:
+            self.frames += 1
+            self.last, self.before, self.box = frame, self.box, box or self.box
+        elif box and self.box:
+            self.box = self.box.united(box)
+
+    def shared_with(self, box: Box) -> float:
+        """Return the share that a box has in common with where this was seen lately, 0..1."""
+        lately = [one for one in (self.before, self.box) if one]
+        return max((box.shared_with(one) for one in lately), default=0.0)
 
     @property
     def importance(self) -> float:
@@ -125,11 +148,9 @@ class PlaceBook:
         """
         place = self._known(region, box, reference)
         if place is None:
-            place = Place(self._kind, reference, box, frame, frame, region, frame, frames=1)
+            place = Place(self._kind, reference, box, frame, frame, region, frame)
             return place if self._enter(place) else None
-        place.frames += place.last != frame  # two pieces of one object are one sighting
-        place.last = frame
-        place.box = box or place.box
+        place.meet(box, frame)
         if region.score > place.best.score:
             place.best, place.best_frame = region, frame
         return place
@@ -144,7 +165,7 @@ class PlaceBook:
             return next((place for place in here if place.best.id == region.id), None)
         if box is None:
             return None
-        shared = [(box.shared_with(place.box) if place.box else 0.0) for place in here]
+        shared = [place.shared_with(box) for place in here]
         best = max(range(len(here)), key=lambda n: (shared[n], -n), default=None)
         return None if best is None or shared[best] < SAME else here[best]
 

@@ -17,7 +17,7 @@ from .records import FrameRecord
 from .row_plot import RowPlot, row_plot
 
 # Columns [px] and bytes of one JPEG.
-FRAME = 900, 110_000
+FRAME = 900, 100_000
 THUMBNAIL = 160, 6_000
 CROP = 400, 20_000
 GLIMPSE = 112, 4_000
@@ -25,6 +25,7 @@ GLIMPSE = 112, 4_000
 _CROP_SIDE = 2.4  # sides of the region's box
 _LEAST_CROP = 1 / 9  # of the frame's columns
 _LEAST_UNKNOWN = 12.0  # px^2; less is not seen
+_CROP_POINTS = 400  # of an outline in a crop
 
 
 @dataclass(frozen=True)
@@ -87,20 +88,26 @@ def views_of(
     cut = cut_of(region, (rows, cols))
     outline = _mask_of(region, result)
     there = _on_reference(cut, reference, ground)
+    paths = {'most_points': _CROP_POINTS}
     return Views(
         live=encoded(cut.of(live), *CROP),
         registered=encoded(cut.of(result.registered), *CROP),
         reference=encoded(there.of(reference), *CROP) if there else None,
         size=(cut.width, cut.height),
         reference_size=(there.width, there.height) if there else (1, 1),
-        outline=outline_path(outline, move=lambda points: points - (cut.left, cut.top)),
-        unknown=outline_path(cut.of(result.valid_mask) == 0, _LEAST_UNKNOWN),
-        reference_outline=outline_path(
-            outline, move=lambda points: ground.on_reference(points) - (there.left, there.top)
-        )
-        if there
-        else '',
+        outline=outline_path(outline, move=lambda points: points - (cut.left, cut.top), **paths),
+        unknown=outline_path(cut.of(result.valid_mask) == 0, _LEAST_UNKNOWN, **paths),
+        reference_outline=_moved_outline(outline, ground, there) if there else '',
     )
+
+
+def _moved_outline(mask: np.ndarray, ground: Ground, there: Cut) -> str:
+    """Return the outline of pixels of the frame in a part of the reference."""
+
+    def move(points: np.ndarray) -> np.ndarray:
+        return ground.on_reference(points) - (there.left, there.top)
+
+    return outline_path(mask, move=move, most_points=_CROP_POINTS)
 
 
 def _mask_of(region: Region, result: Result) -> np.ndarray:
