@@ -151,7 +151,8 @@ def tiles(
         ('Registered', f'{len(registered):,}', f'{lost:,} not' if lost else 'all'),
     ]
     if exposures:
-        span = f'{min(exposures):.0f} to {max(exposures):.0f}'
+        low, high = f'{min(exposures):.0f}', f'{max(exposures):.0f}'
+        span = 'in every frame' if low == high else f'{low} to {high}'
         found.append(('Exposure', f'{np.median(exposures):.0f} rows', span))
     if unknown:
         worst = f'at most {percent(max(unknown))}'

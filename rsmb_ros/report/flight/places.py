@@ -91,8 +91,9 @@ class Place:
     box: Box | None  # when it was seen last; None: not known
     first: int  # number of the first frame that showed it
     last: int  # ... of the last one
-    best: Region  # the sighting with the highest score
+    best: Region  # the sighting with about the highest score, of several the largest
     best_frame: int
+    score: float  # the highest
     frames: int = 1  # that showed it
     before: Box | None = None  # in the frame before the last one that showed it
     views: Views | None = None  # of the best sighting
@@ -114,7 +115,7 @@ class Place:
     @property
     def importance(self) -> float:
         """Best score, halved for one frame, near to whole for many: a flicker counts less."""
-        return self.best.score * (1.0 - 0.5**self.frames)
+        return self.score * (1.0 - 0.5**self.frames)
 
 
 class PlaceBook:
@@ -148,10 +149,11 @@ class PlaceBook:
         """
         place = self._known(region, box, reference)
         if place is None:
-            place = Place(self._kind, reference, box, frame, frame, region, frame)
+            place = Place(self._kind, reference, box, frame, frame, region, frame, region.score)
             return place if self._enter(place) else None
         place.meet(box, frame)
-        if region.score > place.best.score:
+        place.score = max(place.score, region.score)
+        if _shown_well(region) > _shown_well(place.best):
             place.best, place.best_frame = region, frame
         return place
 
@@ -178,3 +180,8 @@ class PlaceBook:
         self._places = [one for one in self._places if one is not least]
         self.dropped += 1
         return least is not place
+
+
+def _shown_well(region: Region) -> tuple[float, int]:
+    """Return what makes one sighting a better picture than another."""
+    return round(region.score, 1), region.area

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -25,7 +26,8 @@ GLIMPSE = 112, 4_000
 _CROP_SIDE = 2.4  # sides of the region's box
 _LEAST_CROP = 1 / 9  # of the frame's columns
 _LEAST_UNKNOWN = 12.0  # px^2; less is not seen
-_CROP_POINTS = 400  # of an outline in a crop
+
+_path = partial(outline_path, most_points=400)  # in a crop
 
 
 @dataclass(frozen=True)
@@ -88,15 +90,15 @@ def views_of(
     cut = cut_of(region, (rows, cols))
     outline = _mask_of(region, result)
     there = _on_reference(cut, reference, ground)
-    paths = {'most_points': _CROP_POINTS}
+    shown = _path(outline, move=lambda points: points - (cut.left, cut.top))
     return Views(
         live=encoded(cut.of(live), *CROP),
         registered=encoded(cut.of(result.registered), *CROP),
         reference=encoded(there.of(reference), *CROP) if there else None,
         size=(cut.width, cut.height),
         reference_size=(there.width, there.height) if there else (1, 1),
-        outline=outline_path(outline, move=lambda points: points - (cut.left, cut.top), **paths),
-        unknown=outline_path(cut.of(result.valid_mask) == 0, _LEAST_UNKNOWN, **paths),
+        outline=shown,
+        unknown=_path(cut.of(result.valid_mask) == 0, _LEAST_UNKNOWN),
         reference_outline=_moved_outline(outline, ground, there) if there else '',
     )
 
@@ -107,7 +109,7 @@ def _moved_outline(mask: np.ndarray, ground: Ground, there: Cut) -> str:
     def move(points: np.ndarray) -> np.ndarray:
         return ground.on_reference(points) - (there.left, there.top)
 
-    return outline_path(mask, move=move, most_points=_CROP_POINTS)
+    return _path(mask, move=move)
 
 
 def _mask_of(region: Region, result: Result) -> np.ndarray:

@@ -79,9 +79,10 @@ def timeline(
         for group, one in zip(groups, chosen, strict=True)
     ]
     places = sorted({0, (len(groups) - 1) // 2, len(groups) - 1})
+    told = [groups[n][0] for n in places[:-1]] + [records[-1]]
     marks = [
-        (100 * (n + 0.5) / len(groups), f'{groups[n][0].index} · {clock(groups[n][0])}')
-        for n in places
+        (100 * (n + 0.5) / len(groups), f'{one.index} · {clock(one)}')
+        for n, one in zip(places, told, strict=True)
     ]
     lanes = (
         _changes(groups),
