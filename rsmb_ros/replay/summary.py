@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsmb_ros.bags.reading import BagFrame
+from rsmb_ros.bags.recording import BagFrame, Recording
 from rsmb_ros.core.types import REGISTERED, Result
 
 
@@ -20,6 +20,8 @@ class Summary:
     topic: str
     frames: int = 0  # that gave a result
     skipped: int = 0  # that could not be read
+    damaged: bool = False  # parts of the recording could not be read, see the warnings
+    lost: int = 0  # messages in them, as far as that is known
     registered: int = 0
     with_changes: int = 0  # frames
     changes: int = 0  # regions
@@ -43,11 +45,21 @@ class Summary:
         return {
             'bag': str(self.source),
             'topic': self.topic,
-            'frames': f'{self.frames}, {self.skipped} more could not be read',
+            'frames': f'{self.frames}, {self.skipped} more could not be read{self._damage()}',
             'registered': str(self.registered),
             'frames with changes': f'{self.with_changes}, {self.changes} changes in all',
             'speed': f'{hz:.1f} frames/s, outputs included',
         }
+
+    def count_losses(self, recording: Recording) -> None:
+        """Take over what `recording` could not read so far."""
+        self.skipped = recording.skipped[self.topic]
+        self.damaged, self.lost = bool(recording.damage), recording.damage.lost
+
+    def _damage(self) -> str:
+        if not self.damaged:
+            return ''
+        return f', the file is damaged: at least {self.lost} messages are lost'
 
     def line(self) -> str:
         """Return the numbers in one line."""

@@ -15,7 +15,7 @@ from rsmb_ros.bags.writing import BagWriter
 from rsmb_ros.core import Camera, Config, Detector
 from rsmb_ros.messages.as_json import summary_to_dict
 from rsmb_ros.messages.outputs import OUTPUTS
-from rsmb_ros.replay import results as replay_results
+from rsmb_ros.replay import detection
 
 
 def images_of(path, topic):
@@ -148,6 +148,13 @@ def test_report_shows_the_frames(replay, flight_bag, tmp_path):
     assert 'id="change-1"' in page
 
 
+def test_report_without_a_folder_is_refused_before_the_work(replay, flight_bag, tmp_path):
+    path = tmp_path / 'gone' / 'r.html'
+    done, _ = replay(flight_bag, '--report', path)
+    assert done.code == 1
+    assert f'{path}: cannot be written: no folder {path.parent}' in done.err
+
+
 def test_one_line_says_what_came_out_and_a_pipe_stays_quiet(replay, flight_bag):
     done, out = replay(flight_bag)
     assert done.out.count('\n') == 1
@@ -221,7 +228,7 @@ def test_interrupted_replay_leaves_a_readable_bag(replay, flight_bag, monkeypatc
                 raise KeyboardInterrupt
             return super().detect(live, stamp)
 
-    monkeypatch.setattr(replay_results, 'Detector', Interrupted)
+    monkeypatch.setattr(detection, 'Detector', Interrupted)
     done, out = replay(flight_bag, '--csv', tmp_path / 'r.csv', '--report', tmp_path / 'r.html')
     assert done.code == 130
     assert len(images_of(out, '/rsmb/change_mask')) == 2
@@ -239,7 +246,7 @@ def test_ctrl_c_waits_for_the_frame_in_work(replay, flight_bag, monkeypatch):
                 signal.raise_signal(signal.SIGINT)
             return super().detect(live, stamp)
 
-    monkeypatch.setattr(replay_results, 'Detector', Signalled)
+    monkeypatch.setattr(detection, 'Detector', Signalled)
     before = signal.getsignal(signal.SIGINT)
     done, out = replay(flight_bag)
     assert done.code == 130

@@ -72,7 +72,9 @@ class Clock:
         return begin.strftime('%Y-%m-%d %H:%M:%S UTC')
 
 
-def page_of(report: FlightReport, facts: Mapping[str, str]) -> dict[str, Any]:
+def page_of(
+    report: FlightReport, facts: Mapping[str, str], warnings: Sequence[str]
+) -> dict[str, Any]:
     """Return everything the template needs."""
     records, frames = report.records, report.frames()
     clock = Clock(records)
@@ -97,6 +99,7 @@ def page_of(report: FlightReport, facts: Mapping[str, str]) -> dict[str, Any]:
     return {
         'title': report.title,
         'verdict': verdict(records, places['change'], report.books['change'].dropped),
+        'warnings': warnings,
         'lost': reasons(records),
         'tiles': tiles(records, clock, report.sheets),
         'facts': {**facts, **({'recorded': clock.date} if clock.date else {})},

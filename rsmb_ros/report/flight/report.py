@@ -111,7 +111,9 @@ class FlightReport:
         kept = {one.record.index: one for one in chain(self._changed, self._lost, self._even)}
         return [kept[index] for index in sorted(kept)]
 
-    def write(self, path: Path, facts: Mapping[str, str] | None = None) -> None:
+    def write(
+        self, path: Path, facts: Mapping[str, str] | None = None, warnings: Sequence[str] = ()
+    ) -> None:
         """
         Write the page.
 
@@ -120,6 +122,8 @@ class FlightReport:
         path : Path
         facts : mapping of str to str, optional
             Names and values that only the caller knows, such as the recording.
+        warnings : sequence of str
+            Sentences on what is missing, shown on top.
 
         Raises
         ------
@@ -127,7 +131,7 @@ class FlightReport:
             If it cannot be written.
 
         """
-        write_page(path, 'flight.html.j2', **page_of(self, facts or {}))
+        write_page(path, 'flight.html.j2', **page_of(self, facts or {}, warnings))
 
     def _sheet_of(self, reference: np.ndarray) -> Sheet:
         """Return the sheet of a reference; it is a new one when its pixels are."""

@@ -48,8 +48,8 @@ class Structure(HTMLParser):
             assert self._open.pop() == tag, f'{tag} at line {self.getpos()}'
 
 
-def page_of(report, path, **facts):
-    report.write(path / 'r.html', facts)
+def page_of(report, path, *warnings, **facts):
+    report.write(path / 'r.html', facts, warnings)
     return (path / 'r.html').read_text('utf-8')
 
 
@@ -92,6 +92,11 @@ def test_what_is_not_registered_is_said_and_shown(page):
     frame = re.search(r'id="frame-4".*?</details>', page, re.DOTALL)[0]
     assert 'no overlap: 3% of the frame' in frame
     assert 'Expected' not in frame
+
+
+def test_what_could_not_be_read_stands_on_top(flown, tmp_path):
+    page = page_of(flown(), tmp_path, '3 frames could not be read.')
+    assert page.index('3 frames could not be read.') < page.index('id="changes"')
 
 
 def test_unknown_is_told_in_numbers(page):
