@@ -10,11 +10,13 @@ _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
 def ticks(low: float, high: float, wanted: int = 3) -> list[float]:
-    """Return round numbers from `low` to `high`, about `wanted` of them."""
+    """Return round numbers from `low` to `high`, about `wanted` of them, at least two."""
     raw = max(high - low, 1e-12) / max(wanted, 1)
     decade = 10.0 ** math.floor(math.log10(raw))
     step = next(decade * one for one in _STEPS if decade * one >= raw * 0.999)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    if last <= first and wanted < 20:  # one number is no scale
+        return ticks(low, high, 2 * wanted)
     return [round(n * step, 10) + 0.0 for n in range(first, last + 1)]
 
 
