@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -89,12 +90,7 @@ def page_of(
     rows = records if len(records) <= MOST_ROWS else [f.record for f in frames]
     changed = [one for one in settings(report.config) if one.changed]
 
-    def target(record: FrameRecord) -> str:
-        listed = record.index in with_pictures or len(records) > MOST_ROWS
-        if listed and with_pictures:
-            near = min(with_pictures, key=lambda index: (abs(index - record.index), index))
-            return f'frame-{near}'
-        return f'row-{record.index}'
+    target = partial(_target, with_pictures=with_pictures, listed=len(rows) == len(records))
 
     return {
         'title': report.title,
@@ -165,6 +161,14 @@ def tiles(
         word = 'at least once' if len(shares) == 1 else 'the best of the references'
         found.append(('Reference judged', percent(max(shares)), word))
     return found
+
+
+def _target(record: FrameRecord, with_pictures: Collection[int], listed: bool) -> str:
+    """Return the id of what tells about a frame: its pictures, its row, or those nearest to it."""
+    if listed and record.index not in with_pictures:
+        return f'row-{record.index}'
+    near = min(with_pictures, key=lambda index: (abs(index - record.index), index))
+    return f'frame-{near}'
 
 
 def _opened(changes: Sequence[Place], frames: Sequence[ShownFrame]) -> int | None:

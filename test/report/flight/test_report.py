@@ -197,6 +197,16 @@ def test_page_of_a_thousand_frames_is_small_and_complete(long_flight, tmp_path):
     assert page.count('<a href') < 600  # bars, pins, strips: a phone can lay it out
 
 
+def test_a_flight_too_long_for_a_table_still_leads_somewhere(flown, monkeypatch, tmp_path):
+    monkeypatch.setattr(contents, 'MOST_ROWS', 11)
+    monkeypatch.setattr(report, 'MOST_CHANGED', 1)
+    monkeypatch.setattr(report, 'MOST_EVEN', 2)
+    found = Structure(page_of(flown(), tmp_path))
+    assert {link[1:] for link in found.links} <= set(found.ids)
+    frames = [name for name in found.ids if re.match(r'frame-\d', name)]
+    assert len(frames) == len([name for name in found.ids if re.match(r'row-\d', name)]) < 8
+
+
 def test_frames_shown_are_of_every_kind(long_flight):
     frames = [one.record for one in long_flight.frames()]
     kept = report.MOST_CHANGED + report.MOST_LOST + report.MOST_EVEN
