@@ -16,7 +16,7 @@ from rosbags.interfaces import (
     MessageDefinition,
     MessageDefinitionFormat,
 )
-from rosbags.rosbag2.metadata import ReaderMetadata, parse_qos
+from rosbags.rosbag2.metadata import ReaderMetadata
 
 from .damage import Damage, Unreadable
 from .mcap_index import Contents, contents_of
@@ -176,7 +176,6 @@ class McapStorage:
         if channel.message_encoding != _CDR or encoding not in _FORMATS:
             return None
         text = schema.data.decode() if schema else ''
-        qos = channel.metadata.get('offered_qos_profiles', '')
         return Connection(
             channel.id,
             channel.topic,
@@ -184,6 +183,6 @@ class McapStorage:
             MessageDefinition(_FORMATS[encoding], text),
             '',
             self._contents.counts[channel.id],
-            ConnectionExtRosbag2(_CDR, parse_qos(qos)),
+            ConnectionExtRosbag2(_CDR, []),
             self,
         )

@@ -13,7 +13,7 @@ from rosbags.interfaces import (
     MessageDefinition,
     MessageDefinitionFormat,
 )
-from rosbags.rosbag2.metadata import ReaderMetadata, parse_qos
+from rosbags.rosbag2.metadata import ReaderMetadata
 
 from .damage import Damage, Unreadable
 
@@ -147,10 +147,10 @@ class SqliteStorage:
                 definitions.get(kind, nothing),
                 digest or '',
                 0,
-                ConnectionExtRosbag2(serialisation, parse_qos(qos or '')),
+                ConnectionExtRosbag2(serialisation, []),
                 self,
             )
-            for row, name, kind, serialisation, qos, digest in rows
+            for row, name, kind, serialisation, digest in rows
         ]
 
     def _definitions(self) -> dict[str, MessageDefinition]:
@@ -171,7 +171,4 @@ class SqliteStorage:
         return {row[1] for row in self._database.execute(f'PRAGMA table_info({table})')}
 
 
-_TOPIC_COLUMNS = (
-    *('name', 'type', 'serialization_format', 'offered_qos_profiles'),
-    'type_description_hash',
-)
+_TOPIC_COLUMNS = ('name', 'type', 'serialization_format', 'type_description_hash')

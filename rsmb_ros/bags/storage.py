@@ -59,11 +59,16 @@ class _Folder(DirectoryReader):
 
     def __init__(self, path: Path, damage: Damage) -> None:
         super().__init__(path)
-        self._damage = damage
+        self._each = False  # message is compressed by itself
         self.STORAGE_PLUGINS: Any = {
             'mcap': partial(McapStorage, damage=damage),
             'sqlite3': partial(SqliteStorage, damage=damage),
         }
+
+    def open(self) -> None:
+        """Open the files."""
+        super().open()
+        self._each = self.metadata.compression_mode == 'message'
 
     def messages(
         self,
@@ -71,15 +76,22 @@ class _Folder(DirectoryReader):
         start: int | None = None,
         stop: int | None = None,
     ) -> Generator[tuple[Connection, int, bytes], None, None]:
-        """Iterate over messages; one whose own compression is damaged comes out empty."""
-        told = self.metadata
-        if told.compression_mode != 'message':
-            yield from super().messages(connections, start, stop)
-            return
-        # the library would end at the first message that it cannot decompress
-        self.metadata = told._replace(compression_mode=None)
-        for connection, time_ns, data in super().messages(connections, start, stop):
-            yield connection, time_ns, _decompressed(data)
+        """
+        Iterate over messages; one whose own compression is damaged comes out empty.
+
+        The library passes over a topic whose QoS in metadata.yaml is not that of the files, as in
+        bags that were converted from old ones; here name and type are enough.
+        """
+        for storage in self.storages:
+            same = {
+                stored.id: told
+                for stored in storage.connections
+                for told in reversed(list(connections))
+                if (told.topic, told.msgtype) == (stored.topic, stored.msgtype)
+            }
+            known = [stored for stored in storage.connections if stored.id in same]
+            for stored, time_ns, data in storage.messages(known, start, stop) if known else ():
+                yield same[stored.id], time_ns, _decompressed(data) if self._each else data
 
 
 def _decompressed(data: bytes) -> bytes:
