@@ -71,6 +71,8 @@ class Bag(Recording):
         )
         if not any(topic.count for topic in self.topics):
             self._reader.close()
+            if self.damage:
+                raise BagError(f'{path}: none of its messages can be read; copy the file again')
             raise BagError(f'{path}: the bag has no messages; record it again')
 
     def close(self) -> None:
@@ -103,6 +105,23 @@ class Bag(Recording):
             except MalformedMessage as error:
                 raise BagError(f'{self.path}: a message of {topic} is damaged: {error}') from error
             yield topic, time_ns, message
+
+    def readable(self, name: str) -> tuple[int, int]:
+        """
+        Return how many messages of the topic `name` are whole, and how many are not.
+
+        Of types that nothing is made of here only that they are stored counts: a bag may hold
+        them in a version of the type that it does not tell.
+        """
+        whole, broken = 0, 0
+        for _, _, read in self._stored((name,)):
+            try:
+                if self.topic(name).type == CAMERA_INFO:
+                    read()
+                whole += 1
+            except MalformedMessage:
+                broken += 1
+        return whole, broken
 
     def cdr(self, *names: str) -> Iterator[tuple[str, int, bytes]]:
         """

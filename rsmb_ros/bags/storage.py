@@ -16,6 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 from .damage import Damage
 from .mcap_storage import McapStorage
 from .names import by_number
+from .rosbag1_scan import Rosbag1Scan
 from .sqlite_storage import SqliteStorage
 
 STORED = ('.mcap', '.db3')
@@ -50,6 +51,24 @@ def open_reader(path: Path, damage: Damage) -> AnyReader:
     reader = AnyReader(files, default_typestore=get_typestore(Stores.ROS2_JAZZY))
     if reader.is2:
         reader.readers = [_File(file, damage) for file in files]
+    try:
+        reader.open()
+    except Exception as error:
+        if reader.is2:
+            raise
+        reader = _without_index(path, damage, error)
+    if any(file.suffix != '.mcap' for file in files if file.is_file()):
+        damage.unchecked.append(f'{path}: has no CRC; damage inside of messages cannot be told')
+    return reader
+
+
+def _without_index(path: Path, damage: Damage, error: Exception) -> AnyReader:
+    """Open a ROS 1 bag whose index is missing or damaged."""
+    reason = str(error).rstrip('.')
+    damage.note(path, f'{path}: {reason}; the file is walked through')
+    reader = AnyReader([path])
+    scan: Any = Rosbag1Scan(path, damage)
+    reader.readers = [scan]
     reader.open()
     return reader
 
@@ -59,11 +78,16 @@ class _Folder(DirectoryReader):
 
     def __init__(self, path: Path, damage: Damage) -> None:
         super().__init__(path)
-        self._damage = damage
+        self._each = False  # message is compressed by itself
         self.STORAGE_PLUGINS: Any = {
             'mcap': partial(McapStorage, damage=damage),
             'sqlite3': partial(SqliteStorage, damage=damage),
         }
+
+    def open(self) -> None:
+        """Open the files."""
+        super().open()
+        self._each = self.metadata.compression_mode == 'message'
 
     def messages(
         self,
@@ -71,15 +95,22 @@ class _Folder(DirectoryReader):
         start: int | None = None,
         stop: int | None = None,
     ) -> Generator[tuple[Connection, int, bytes], None, None]:
-        """Iterate over messages; one whose own compression is damaged comes out empty."""
-        told = self.metadata
-        if told.compression_mode != 'message':
-            yield from super().messages(connections, start, stop)
-            return
-        # the library would end at the first message that it cannot decompress
-        self.metadata = told._replace(compression_mode=None)
-        for connection, time_ns, data in super().messages(connections, start, stop):
-            yield connection, time_ns, _decompressed(data)
+        """
+        Iterate over messages; one whose own compression is damaged comes out empty.
+
+        The library passes over a topic whose QoS in metadata.yaml is not that of the files, as in
+        bags that were converted from old ones; here name and type are enough.
+        """
+        for storage in self.storages:
+            same = {
+                stored.id: told
+                for stored in storage.connections
+                for told in reversed(list(connections))
+                if (told.topic, told.msgtype) == (stored.topic, stored.msgtype)
+            }
+            known = [stored for stored in storage.connections if stored.id in same]
+            for stored, time_ns, data in storage.messages(known, start, stop) if known else ():
+                yield same[stored.id], time_ns, _decompressed(data) if self._each else data
 
 
 def _decompressed(data: bytes) -> bytes:
