@@ -33,7 +33,7 @@ setup(
     license='Apache-2.0',
     python_requires='>=3.10',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={f'{NAME}.ros': ['*.xml'], f'{NAME}.report': ['templates/*.html.j2']},
+    package_data={f'{NAME}.ros': ['*.xml'], f'{NAME}.report': ['templates/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
@@ -49,6 +49,7 @@ setup(
     zip_safe=False,
     install_requires=[
         'jinja2>=3.0',
+        'lz4>=4.0',
         'mcap>=1.1',
         'numba>=0.58',
         'numpy>=1.26',
@@ -60,6 +61,7 @@ setup(
         'scikit-learn>=1.4',
         'scipy>=1.11',
         'threadpoolctl>=3.1',
+        'zstandard>=0.22',
     ],
     extras_require={
         # Wheels of ROS 2 Jazzy for machines without ROS; a robot has the apt packages instead.

@@ -19,6 +19,8 @@ INNER = {
     'messages': {'core', 'report'},
     'report': {'core'},
     'evaluation': {'core', 'report'},
+    'bags': {'core', 'messages'},
+    'replay': {'core', 'messages', 'report', 'bags'},
 }
 FILES_AND_ROS = ('rclpy', 'rosbags', 'mcap', 'pathlib', 'shutil', 'argparse', 'yaml', 'os')
 

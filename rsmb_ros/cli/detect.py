@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 
 import rsmb_ros
+from rsmb_ros.bags.image_files import read_image
 from rsmb_ros.core import Config, Detector
 from rsmb_ros.core.types import Result
 from rsmb_ros.messages.as_json import result_to_dict
 from rsmb_ros.report.overlay import describe, draw_overlay
 
 from .depth_file import add_depth_options, load_depth
-from .images import output_folder, read_image, write_png, write_whole
+from .images import output_folder, write_png, write_whole
 from .options import add_config_options, load_config
 
 

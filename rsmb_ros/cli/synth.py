@@ -10,6 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from rsmb_ros.bags.image_files import read_image
 from rsmb_ros.bags.writing import BagFactory, BagWriter
 from rsmb_ros.core.errors import ConfigError
 from rsmb_ros.core.shutter import ShutterTiming
@@ -28,7 +29,7 @@ from rsmb_ros.evaluation.suites import NUISANCES, SUITES, Wish
 from rsmb_ros.evaluation.suites.recipe import case_of
 from rsmb_ros.messages.as_json import to_json
 
-from .images import output_folder, read_image
+from .images import output_folder
 from .options import data_folder, frame_size, within
 from .progress import progress
 from .truth_folder import write_frame, write_truth

@@ -10,13 +10,14 @@ from typing import Any
 import cv2
 import numpy as np
 
+from rsmb_ros.bags.image_files import read_image
 from rsmb_ros.core.errors import FileProblem
 from rsmb_ros.core.motion import Grid
 from rsmb_ros.evaluation.case import Case, TrueMotion
 from rsmb_ros.evaluation.warping import places_of_poses
 from rsmb_ros.messages.as_json import to_json
 
-from .images import read_image, write_png, write_whole
+from .images import write_png, write_whole
 
 TRUTH = 'truth.json'
 REFERENCE = 'reference.png'

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
 from pathlib import Path
 
-import cv2
-import jinja2
 import numpy as np
 
-import rsmb_ros
-from rsmb_ros.core.errors import FileProblem
-
-from .drawing import to_bgr
+from .page import write_page
+from .pictures import Picture, encoded
 
 FULL_FRAMES = 6  # shown with all their pictures
 THUMBNAILS = 60  # frames shown small
@@ -23,8 +17,8 @@ OVERLAY_LEGEND = (
     'Red: changed, with the score. Green: static, at another depth than the ground. '
     'Dark and hatched: unknown.'
 )
-_PICTURE_COLS = 800  # px
-_THUMBNAIL_COLS = 240  # px
+_PICTURE = 900, 200_000  # columns [px] and bytes of a JPEG
+_THUMBNAIL = 240, 20_000
 
 
 @dataclass(frozen=True)
@@ -40,7 +34,7 @@ class Table:
 class _Shown:
     title: str
     text: str
-    pictures: Mapping[str, str]  # caption -> data URI
+    pictures: Mapping[str, Picture]  # by caption
 
 
 class Report:
@@ -83,33 +77,29 @@ class Report:
         title, text : str
             Its heading and a line below.
         pictures : mapping of caption to ndarray of shape (M, N) or (M, N, 3), uint8
-            The last one is its thumbnail.
+            The last one is its thumbnail. 'live' and 'registered' are laid over each other, to be
+            compared by swiping and blinking.
 
         """
         if index in self._full_at:
-            uris = {name: _data_uri(image, _PICTURE_COLS) for name, image in pictures.items()}
-            self._full.append(_Shown(title, text, uris))
+            shown = {name: encoded(image, *_PICTURE) for name, image in pictures.items()}
+            self._full.append(_Shown(title, text, shown))
         if index in self._small_at:
             name, image = list(pictures.items())[-1]
-            self._small.append(_Shown(title, text, {name: _data_uri(image, _THUMBNAIL_COLS)}))
+            self._small.append(_Shown(title, text, {name: encoded(image, *_THUMBNAIL)}))
 
     def write(self, path: Path, summary: Mapping[str, str], tables: Sequence[Table] = ()) -> None:
         """Write the page; `summary` is the list of names and values on its top."""
-        template = files('rsmb_ros.report').joinpath('templates/report.html.j2').read_text('utf-8')
-        environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-        page = environment.from_string(template).render(
+        write_page(
+            path,
+            'report.html.j2',
             title=self._title,
             legend=self._legend,
-            version=rsmb_ros.__version__,
             summary=summary,
             tables=tables,
             full=self._full,
             small=self._small,
         )
-        try:
-            path.write_text(page, 'utf-8')
-        except OSError as error:
-            raise FileProblem(f'{path}: cannot be written: {error.strerror}') from error
 
 
 def evenly(total: int, wanted: int) -> frozenset[int]:
@@ -117,11 +107,3 @@ def evenly(total: int, wanted: int) -> frozenset[int]:
     if total <= wanted:
         return frozenset(range(total))
     return frozenset(np.rint(np.linspace(0, total - 1, wanted)).astype(int).tolist())
-
-
-def _data_uri(image: np.ndarray, max_cols: int) -> str:
-    if image.shape[1] > max_cols:
-        rows = max(1, round(image.shape[0] * max_cols / image.shape[1]))
-        image = cv2.resize(image, (max_cols, rows), interpolation=cv2.INTER_AREA)
-    _, jpeg = cv2.imencode('.jpg', to_bgr(image), [cv2.IMWRITE_JPEG_QUALITY, 82])
-    return 'data:image/jpeg;base64,' + base64.b64encode(jpeg.tobytes()).decode()

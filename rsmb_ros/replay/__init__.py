@@ -1,0 +1,1 @@
+"""Every frame of a recording through the detector, offline: one `ReplayJob`, one `Summary`."""

@@ -1,0 +1,1 @@
+"""A whole flight on one page: `FlightReport` collects it frame by frame."""
