@@ -29,7 +29,7 @@ from .segmentation import blobs, candidates, outline_level
 
 # Share of the frame that must misfit before the path is fitted again without it: an object whose
 # texture outdoes the ground's has bent the path, and no single depth then explains it.
-LARGE_MISFIT = 0.005
+LARGE_MISFIT = 0.02
 REFITS = 3  # at most: where much of a frame is no ground, one is not enough
 LAST_LOOKS = 2  # at most, for static objects that only show when others are explained
 STILL = 0.25  # px; a fit that has moved no row further needs no other
@@ -155,7 +155,7 @@ class ChangeFinder:
     def _foreground(frame: RegisteredFrame, seen: Seen, layers: list[Layer]) -> np.ndarray:
         """Where the frame shows no ground for sure (M, N) bool: static objects, large misfits."""
         mask = frame.foreground(layers)
-        if seen.mask.mean() > LARGE_MISFIT:
+        if mask.any() or seen.mask.mean() > LARGE_MISFIT:
             mask |= seen.mask > 0
         return mask
 
