@@ -8,8 +8,9 @@ it stands. Where they outdo the ground over many rows it is tried the other way 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import cv2
 import numpy as np
@@ -26,6 +27,7 @@ from .motion import moved_px
 from .path_stage import PathStage
 from .row_frame import RowStage
 from .segmentation import blobs, candidates, outline_level
+from .workers import beside
 
 # Share of the frame that must misfit before the path is fitted again without it: an object whose
 # texture outdoes the ground's has bent the path, and no single depth then explains it.
@@ -86,8 +88,9 @@ class Finding:
 class ChangeFinder:
     """Decides what in a registered frame is new, and what was there at another depth."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, executor: Executor) -> None:
         self._config = config
+        self._executor = executor
 
     def find(self, stage: PathStage | RowStage, frame: RegisteredFrame, clock: Clock) -> Finding:
         """Return what is in a frame; its path may be fitted again by its `stage`."""
@@ -160,14 +163,20 @@ class ChangeFinder:
         return mask
 
     def _evidence(self, frame: RegisteredFrame) -> Seen:
-        texture = Texture.of(frame.predicted)
-        noise = NoiseTable.learn(texture, frame.residual, frame.judged)
         place = np.nan_to_num(frame.row_uncertainty, nan=0.0).astype(np.float32)
         frame.judged[place >= LOST] = False
+        colours, colour = frame.colours, None
+        if colours is not None:
+            by_colour = partial(
+                ColourEvidence.of, frame.live, colours, frame.judged, frame.misfit, place
+            )
+            waited = beside(self._executor, by_colour)
+        texture = Texture.of(frame.predicted)
+        noise = NoiseTable.learn(texture, frame.residual, frame.judged)
         z2 = noise.surprise(texture, frame.residual, frame.judged, frame.misfit, place)
-        strength, colour, change = box_rms(z2), None, self._config.change
-        if frame.colours is not None:
-            colour = ColourEvidence.of(frame.live, frame.colours, frame.judged, frame.misfit, place)
+        strength, change = box_rms(z2), self._config.change
+        if colours is not None:
+            colour = waited()
             strength = np.maximum(strength, colour.strength)
         if change.segmentation == 'entropy':
             mask = entropy_candidates(frame.residual, frame.judged, change)

@@ -8,12 +8,14 @@ of rows are matched around it and a smooth camera path is laid through their dis
 from __future__ import annotations
 
 from collections.abc import Iterator
+from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from .motion import CameraPath, Grid, still_path
+from .workers import each
 
 SEARCH_WIDTH = 160  # px; both images are reduced to about this width of the live frame
 PATCHES = 4  # per direction, for the global vote
@@ -44,8 +46,11 @@ class StripMatches:
 class CoarseSearch:
     """Finds start paths for live frames of one size against one reference."""
 
-    def __init__(self, reference: np.ndarray, grid: Grid, search_fraction: float) -> None:
+    def __init__(
+        self, reference: np.ndarray, grid: Grid, search_fraction: float, executor: Executor
+    ) -> None:
         self._grid = grid
+        self._executor = executor
         self._factor = max(1, round(grid.live_shape[1] / SEARCH_WIDTH))
         self._reference = _reduced(reference, self._factor)
         self._textured = _local_contrast(self._reference)
@@ -77,7 +82,9 @@ class CoarseSearch:
         """
         height = max(8, small.shape[0] // STRIPS)
         tops = range(0, small.shape[0] - height + 1, height)
-        at_vote = [list(self._band(small, top, height, corner)) for top in tops]
+        at_vote = each(
+            self._executor, lambda top: list(self._band(small, top, height, corner)), tops
+        )
         trust = [sum(min(piece[4], piece[5]) for piece in band) for band in at_vote]
         anchor = int(np.argmax(trust))
         bands = {anchor: at_vote[anchor]}
@@ -111,15 +118,26 @@ class CoarseSearch:
         votes = np.zeros(size, np.float32)
         counts = np.zeros(size, np.float32)
         patch = shape // PATCHES
-        for row in range(0, shape[0] - patch[0] + 1, max(1, patch[0])):
-            for col in range(0, shape[1] - patch[1] + 1, max(1, patch[1])):
-                piece = small[row : row + patch[0], col : col + patch[1]]
-                too_large = np.any(np.array(piece.shape) > self._reference.shape)
-                if piece.std() < MIN_CONTRAST or too_large:
-                    continue
-                scores = self._correlate(piece, (0, 0), self._reference.shape)
-                spread = cv2.dilate(scores, np.ones((2 * WOBBLE + 1,) * 2, np.uint8))
-                _add_at(votes, counts, spread, (-row - low[0], -col - low[1]))
+        corners = [
+            (row, col)
+            for row in range(0, shape[0] - patch[0] + 1, max(1, patch[0]))
+            for col in range(0, shape[1] - patch[1] + 1, max(1, patch[1]))
+        ]
+
+        def scores_of(corner: tuple[int, int]) -> np.ndarray | None:
+            """Correlate a patch everywhere, each place as good as the best near it."""
+            row, col = corner
+            piece = small[row : row + patch[0], col : col + patch[1]]
+            too_large = np.any(np.array(piece.shape) > self._reference.shape)
+            if piece.std() < MIN_CONTRAST or too_large:
+                return None
+            scores = self._correlate(piece, (0, 0), self._reference.shape)
+            return cv2.dilate(scores, np.ones((2 * WOBBLE + 1,) * 2, np.uint8))
+
+        found = each(self._executor, scores_of, corners)
+        for (row, col), scores in zip(corners, found, strict=True):
+            if scores is not None:
+                _add_at(votes, counts, scores, (-row - low[0], -col - low[1]))
         # a place that only few patches can see must not win by luck: shrink means of few patches
         score = votes / (counts + 3.0)
         row, col = np.unravel_index(int(score.argmax()), score.shape)

@@ -86,8 +86,9 @@ class Detector:
         self.config = config
         self._camera = camera
         layers = None if depth is None else _layers(depth, self.reference, config)
-        self._finder = ChangeFinder(config if layers is None else config.replaced(NO_SEARCH))
         self._executor = Workers(config.worker.threads)
+        searched = config if layers is None else config.replaced(NO_SEARCH)
+        self._finder = ChangeFinder(searched, self._executor)
         self._reference = Reference(self.reference, config.camera.gamma, layers)
         self._stages: dict[tuple[int, int], _Stages] = {}
         self._memory = StreamMemory()
@@ -213,7 +214,7 @@ class Detector:
         if shape not in self._stages:
             grid = Grid(shape, self._reference.grey.shape, self.camera_for(shape[1]).focal_px)
             fraction = self.config.registration.search_fraction
-            coarse = CoarseSearch(self._reference.grey, grid, fraction)
+            coarse = CoarseSearch(self._reference.grey, grid, fraction, self._executor)
             stage = self._stage_class(self._reference, grid, self.config, self._executor)
             features = FeatureSearch(self._reference.grey, grid)
             self._stages = {shape: (coarse, features, stage)}  # one size at a time: memory

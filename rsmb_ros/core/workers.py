@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from typing import TypeVar, cast
 
 PARTS = 8  # blocks that work is cut into: enough that nobody waits long for the last one
 SMALL = 1 << 14  # px; handing out less than that takes longer than doing it
+
+T = TypeVar('T')
+R = TypeVar('R')
 
 
 class Workers(ThreadPoolExecutor):
@@ -44,3 +48,27 @@ def shared(executor: Executor, run: Callable[[int, int], None], rows: int, work:
     for helper in asked:
         if not helper.cancel():  # one that has not begun by now is not needed
             helper.result()
+
+
+def beside(executor: Executor, task: Callable[[], T]) -> Callable[[], T]:
+    """
+    Begin a task in another thread and return what waits for its result.
+
+    Where no other thread has begun it by then, the caller does it.
+    """
+    if getattr(executor, 'helpers', 1) == 0:
+        return task
+    begun = executor.submit(task)
+    return lambda: task() if begun.cancel() else begun.result()
+
+
+def each(executor: Executor, run: Callable[[T], R], items: Sequence[T]) -> list[R]:
+    """Return `run` of each item, in their order, by several threads at once."""
+    results: list[R | None] = [None] * len(items)
+
+    def block(first: int, last: int) -> None:
+        for n in range(first, last):
+            results[n] = run(items[n])
+
+    shared(executor, block, len(items), SMALL)
+    return cast(list[R], results)

@@ -14,6 +14,7 @@ from rsmb_ros.core.config import Config
 from rsmb_ros.core.evidence import NoiseTable, Texture, evidence
 from rsmb_ros.core.frame import PathFrame
 from rsmb_ros.core.synthesis import Nuisances, Scene
+from rsmb_ros.core.workers import Workers
 
 SHAPE = (240, 320)
 
@@ -94,7 +95,7 @@ def test_rows_in_an_unknown_place_are_not_judged(plane, executor):
     uncertain = _Uncertain(frame._reference, frame.live, frame.grey, frame.fit, executor)
     before = uncertain.judged.copy()
     assert before[_Uncertain.lost].any()
-    seen = ChangeFinder(Config())._evidence(uncertain)
+    seen = ChangeFinder(Config(), Workers(1))._evidence(uncertain)
     assert not uncertain.judged[_Uncertain.lost].any()
     np.testing.assert_array_equal(uncertain.judged[:180], before[:180])
     assert not seen.strength[_Uncertain.lost][6:].any()

@@ -18,6 +18,7 @@ from rsmb_ros.core.sampling import half_pixel
 from rsmb_ros.core.shutter import ShutterTiming
 from rsmb_ros.core.synthesis import Nuisances, Scene, Sheet, aerial_scene, live_frame
 from rsmb_ros.core.synthesis.paths import POSE_ZERO, offset, smooth, stairs
+from rsmb_ros.core.workers import Workers
 
 SHAPE = (256, 384)  # the authors' size
 PER_EXPOSURE, PER_ROW = 20, 3  # a, b of the ECCV 2014 recipe
@@ -44,7 +45,7 @@ class Frame:
     def coarse_start(self) -> np.ndarray:
         """Start as the detector has it; on small frames its zoom is not good enough for this."""
         exposure = self.truth.exposure_rows
-        matches = CoarseSearch(self.reference, self.grid, 0.3).match(self.live)
+        matches = CoarseSearch(self.reference, self.grid, 0.3, Workers(1)).match(self.live)
         path = start_path(matches, self.grid, 24.0, exposure, exposure + 8.0, bottom_up=False)
         return path.row_motion()
 
