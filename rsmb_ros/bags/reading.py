@@ -107,6 +107,10 @@ class Bag:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the files."""
         self._reader.close()
 
     def topic(self, name: str) -> Topic:
