@@ -11,7 +11,8 @@ from rsmb_ros.replay.job import ReplayJob, replay
 
 from .depth_file import add_depth_options, load_depth
 from .interrupt import Interrupt
-from .options import add_config_options, load_config, mcap_path
+from .options import add_config_options, load_config
+from .output_options import add_output_options, output_options
 from .progress import progress
 
 T = TypeVar('T')
@@ -23,14 +24,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'bag', type=Path, metavar='BAG', help='rosbag2 folder, .mcap, .db3 or ROS 1 .bag'
     )
     parser.add_argument(
-        '-o',
-        '--output',
-        type=mcap_path,
-        required=True,
-        metavar='OUT.mcap',
-        help='everything the node would publish, under /rsmb/',
-    )
-    parser.add_argument(
         '--reference',
         metavar='FILE|TOPIC',
         help='image file or topic; else the topic named reference/image[/compressed]',
@@ -38,15 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--topic', metavar='NAME', help='live images; else the topic named image[/compressed]'
     )
-    parser.add_argument(
-        '--report', type=Path, metavar='OUT.html', help='page with pictures of the frames'
-    )
-    parser.add_argument(
-        '--csv',
-        type=Path,
-        metavar='FILE',
-        help='one line per region; a frame without regions has one line, without region',
-    )
+    add_output_options(parser)
     add_depth_options(parser)
     add_config_options(parser)
 
@@ -55,13 +40,11 @@ def run(args: argparse.Namespace) -> int:
     """Replay the bag and say in one line what came out."""
     job = ReplayJob(
         source=args.bag,
-        output=args.output,
         reference=args.reference,
         topic=args.topic,
         config=load_config(args),
         depth=load_depth(args),
-        csv=args.csv,
-        report=args.report,
+        **output_options(args),
     )
     summary = replay(job, watched)
     print(f'{summary.line()} -> {args.output}')

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -12,7 +12,15 @@ from rsmb_ros.core import Camera, Config, Detector
 from rsmb_ros.core.errors import BagError, FrameError
 from rsmb_ros.core.types import Result
 
+# Returns the result of a frame that is known already.
+Known = Callable[[BagFrame], Result | None]
+
 _log = logging.getLogger(__name__)
+
+
+def unknown(frame: BagFrame) -> Result | None:
+    """Know no frame."""
+    return None
 
 
 def results(
@@ -21,11 +29,12 @@ def results(
     reference: np.ndarray | Topic,
     config: Config,
     depth: np.ndarray | None,
+    known: Known = unknown,
 ) -> Iterator[tuple[BagFrame, np.ndarray, Result]]:
     """
     Iterate over frames, the reference of each, and results; a newer reference takes over.
 
-    `depth` is that of the only reference.
+    `depth` is that of the only reference; a frame that is `known` is not processed again.
     """
     focal_px = bag.focal_px()
     camera = None if focal_px is None else Camera(focal_px)
@@ -50,7 +59,7 @@ def results(
                 detector = Detector(frame.image, camera, config)
             continue
         try:
-            result = detector.detect(frame.image, frame.stamp_ns or None)
+            result = known(frame) or detector.detect(frame.image, frame.stamp_ns or None)
         except FrameError as error:
             bag.skipped[live.name] += 1
             _log.warning('%s: frame %d of %s skipped: %s', bag.path, frame.index, live.name, error)

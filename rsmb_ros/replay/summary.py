@@ -20,6 +20,7 @@ class Summary:
     topic: str
     frames: int = 0  # that gave a result
     skipped: int = 0  # that could not be read
+    resumed: int = 0  # of the frames, those that an earlier replay had written
     registered: int = 0
     with_changes: int = 0  # frames
     changes: int = 0  # regions
@@ -40,10 +41,11 @@ class Summary:
     def values(self) -> dict[str, str]:
         """Return the numbers by name, for people."""
         hz = self.frames / self.seconds if self.seconds else 0.0
+        kept = f', {self.resumed} kept of an earlier replay' if self.resumed else ''
         return {
             'bag': str(self.source),
             'topic': self.topic,
-            'frames': f'{self.frames}, {self.skipped} more could not be read',
+            'frames': f'{self.frames}, {self.skipped} more could not be read{kept}',
             'registered': str(self.registered),
             'frames with changes': f'{self.with_changes}, {self.changes} changes in all',
             'speed': f'{hz:.1f} frames/s, outputs included',

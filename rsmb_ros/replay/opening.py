@@ -1,0 +1,83 @@
+"""The sinks of a job."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rsmb_ros.bags.reading import CAMERA_INFO, Bag, Topic
+from rsmb_ros.bags.writing import provenance
+
+from .copying import Copier
+from .csv_sink import CsvSink
+from .geojson_sink import Flight, GeoJsonSink, fix_topic, flight_of
+from .jsonl_sink import JsonLinesSink
+from .recording_sink import RecordingSink
+from .report_sink import ReportSink
+from .sinks import Sink
+from .stored import StoredFrames
+from .summary import Summary
+from .unfinished import unfinished
+
+if TYPE_CHECKING:
+    from .job import ReplayJob
+
+
+@dataclass(frozen=True)
+class Sources:
+    """What the sinks need beside frames and results; made before the work begins."""
+
+    notes: Mapping[str, str]
+    stored: StoredFrames | None  # what an earlier replay has left
+    flight: Flight | None
+    copier: Copier | None
+
+
+def sources(job: ReplayJob, bag: Bag, live: Topic, reference: np.ndarray | Topic) -> Sources:
+    """
+    Read what the sinks of a job will need.
+
+    Raises
+    ------
+    RsmbError
+        If the bag does not hold it, or the job cannot go on with what is there.
+
+    """
+    flight = None if job.geojson is None else flight_of(bag, job.geojson, job.config)
+    copier = _copier(job, bag, live, reference) if job.keep_input else None
+    notes = job.notes(live, reference)
+    stored = unfinished(job.output, provenance(job.config) | notes) if job.resume else None
+    return Sources(notes, stored, flight, copier)
+
+
+def open_sinks(job: ReplayJob, given: Sources, summary: Summary, total: int) -> Iterator[Sink]:
+    """
+    Open what the job wants written, one after the other.
+
+    Texts come before the recording: what it holds of a frame, they hold too, whenever the process
+    is killed. They are written anew by a job that goes on.
+    """
+    if job.geojson and given.flight:
+        yield GeoJsonSink(job.geojson, given.flight)
+    if job.csv:
+        yield CsvSink(job.csv)
+    if job.jsonl:
+        yield JsonLinesSink(job.jsonl)
+    yield RecordingSink(
+        job.output, job.config, given.notes, job.compress, given.copier, given.stored
+    )
+    yield summary
+    if job.report:
+        yield ReportSink(job.report, summary, total)
+
+
+def _copier(job: ReplayJob, bag: Bag, live: Topic, reference: np.ndarray | Topic) -> Copier:
+    others = [topic.name for topic in bag.topics if topic.type == CAMERA_INFO and topic.count]
+    if isinstance(reference, Topic):
+        others.append(reference.name)
+    if job.geojson:
+        others.append(fix_topic(job.geojson, bag))
+    return Copier(job.source, live.name, others)
