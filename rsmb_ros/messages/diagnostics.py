@@ -23,7 +23,7 @@ class StatusFields(NamedTuple):
     values: dict[str, str]
 
 
-def frame_status(index: int, frame_id: str, result: Result) -> StatusFields:
+def frame_status(index: int, result: Result) -> StatusFields:
     """
     Return what is to be said of one frame.
 
@@ -31,8 +31,6 @@ def frame_status(index: int, frame_id: str, result: Result) -> StatusFields:
     ----------
     index : int
         Number of the frame among the messages of its topic, from 0.
-    frame_id : str
-        Of its header; names the camera.
     result : Result
 
     """
@@ -41,7 +39,7 @@ def frame_status(index: int, frame_id: str, result: Result) -> StatusFields:
         level=OK if registered else WARN,
         name='rsmb: frame',
         message=result.status if registered else f'{result.status}: {result.reason}',
-        hardware_id=frame_id,
+        hardware_id='rsmb',
         values={
             FRAME: str(index),
             'status': result.status,

@@ -118,4 +118,4 @@ def _regions(frame: BagFrame, result: Result) -> Any:
 
 
 def _diagnostics(frame: BagFrame, result: Result) -> Any:
-    return _FACTORY.diagnostics(frame.header, frame_status(frame.index, frame.frame_id, result))
+    return _FACTORY.diagnostics(frame.header, frame_status(frame.index, result))
