@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rsmb_ros.bags.pacing import Moment, paced
-from rsmb_ros.bags.reading import CAMERA_INFO, Bag, Topic, is_reference, is_truth
+from rsmb_ros.bags.reading import CAMERA_INFO, Bag, Topic
+from rsmb_ros.bags.recording import is_reference, is_truth
 from rsmb_ros.core.errors import BagError, ConfigError
 
 from .interrupt import Interrupt

@@ -1,54 +1,111 @@
-"""`rsmb replay`: every frame of a bag through the detector, offline."""
+"""`rsmb replay`: every frame of a recording through the detector, offline."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable, Iterator
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import TypeVar
 
-from rsmb_ros.replay.job import ReplayJob, replay
+from rsmb_ros.replay.job import MOST_WORKERS, ReplayJob, replay
+from rsmb_ros.replay.selection import Selection
 
 from .depth_file import add_depth_options, load_depth
 from .interrupt import Interrupt
-from .options import add_config_options, load_config
+from .options import add_config_options, frame_rate, load_config, within
 from .output_options import add_output_options, output_options
 from .progress import progress
 
 T = TypeVar('T')
+MOST = 10**9  # frames
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the verb."""
     parser.add_argument(
-        'bag', type=Path, metavar='BAG', help='rosbag2 folder, .mcap, .db3 or ROS 1 .bag'
+        'bag',
+        type=Path,
+        metavar='BAG',
+        help='rosbag2 folder, .mcap, .db3, ROS 1 .bag, video file or folder of .png or .jpg images',
     )
-    parser.add_argument(
-        '--reference',
-        metavar='FILE|TOPIC',
-        help='image file or topic; else the topic named reference/image[/compressed]',
-    )
-    parser.add_argument(
-        '--topic', metavar='NAME', help='live images; else the topic named image[/compressed]'
-    )
+    _add_input_options(parser)
     add_output_options(parser)
+    parser.add_argument(
+        '--workers',
+        type=within(int, 1, MOST_WORKERS),
+        default=1,
+        metavar='N',
+        help='processes that share the frames; what is written does not depend on it. The cores '
+        'are shared out as threads, unless worker.threads is changed',
+    )
     add_depth_options(parser)
     add_config_options(parser)
 
 
+def _add_input_options(parser: argparse.ArgumentParser) -> None:
+    """Add what says which frames are compared with what."""
+    parser.add_argument(
+        '--reference',
+        metavar='WHAT',
+        help='image file; topic, whose newest image counts; or one frame: @WHICH of the live '
+        'images, TOPIC@WHICH, or of another recording FILE@WHICH, FILE:TOPIC@WHICH. WHICH is an '
+        'index from 0 (@0) or a stamp in seconds with a decimal point (@12.5), nearest frame. '
+        'Default: the topic named reference/image[/compressed]. A live frame that is the '
+        'reference is compared with itself',
+    )
+    parser.add_argument(
+        '--topic', metavar='NAME', help='live images; else the only one, or image[/compressed]'
+    )
+    for name, what in (('start', 'first'), ('end', 'last')):
+        parser.add_argument(
+            f'--{name}',
+            type=_time_ns,
+            metavar='SECONDS',
+            help=f'{what} time replayed: from the first live frame; from 100000000 on, a stamp',
+        )
+    parser.add_argument(
+        '--stride', type=within(int, 1, MOST), default=1, metavar='N', help='every N-th frame only'
+    )
+    parser.add_argument(
+        '--max-frames', type=within(int, 1, MOST), metavar='N', help='end after so many frames'
+    )
+    parser.add_argument(
+        '--rate',
+        type=frame_rate,
+        metavar='HZ',
+        help='frames/s of a folder of images (default: 10) or of a video (default: its own times)',
+    )
+
+
 def run(args: argparse.Namespace) -> int:
-    """Replay the bag and say in one line what came out."""
+    """Replay the recording and say in one line what came out."""
     job = ReplayJob(
         source=args.bag,
         reference=args.reference,
         topic=args.topic,
+        selection=Selection(args.start, args.end, args.stride, args.max_frames),
+        rate=args.rate,
         config=load_config(args),
         depth=load_depth(args),
+        workers=args.workers,
         **output_options(args),
     )
     summary = replay(job, watched)
     print(f'{summary.line()} -> {args.output}')
     return 0
+
+
+def _time_ns(text: str) -> int:
+    """Return seconds as nanoseconds, without loss, for argparse."""
+    try:
+        value = Decimal(text)
+        good = value.is_finite() and 0 <= value < 10**10
+    except InvalidOperation:
+        good = False
+    if not good:
+        raise argparse.ArgumentTypeError(f'{text!r} must be seconds, from 0 to 9999999999')
+    return int(value * 10**9)
 
 
 def watched(items: Iterable[T], total: int, what: str) -> Iterator[T]:

@@ -6,16 +6,13 @@ The one code path of node, replay and `rsmb detect`: reference and live frame in
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
-
 import cv2
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from .agreement import MIN_SHARPNESS, agreement, sharpness
 from .camera import Camera
-from .change_finder import ChangeFinder, Finding
-from .changes import changes_of, mask_of
+from .change_finder import ChangeFinder
 from .clock import Clock
 from .coarse import CoarseSearch, StripMatches
 from .config import Config
@@ -26,15 +23,15 @@ from .frame import BlankViews, PathFrame, RegisteredFrame
 from .layered_frame import LayeredStage
 from .layers import Layer, Place
 from .motion import Grid
+from .outcome import Outcome, outcome_of, remembered
 from .path_stage import PathStage
 from .persistence import RegionMemory
 from .photometric import luma
 from .reference import Reference
-from .regions import static_region
 from .row_frame import RowStage
 from .segmentation import Blob
 from .stream import StreamMemory
-from .types import NOT_REGISTERED, REGISTERED, Result
+from .types import NOT_REGISTERED, Result
 from .workers import Workers
 
 MIN_SIZE = 32  # px, smaller frames hold nothing to register by
@@ -124,17 +121,25 @@ class Detector:
             If `live` is not such an array.
 
         """
+        return remembered(self.detect_alone(live), self._regions, stamp)
+
+    def detect_alone(self, live: np.ndarray) -> Outcome:
+        """
+        Do all of `detect` that needs no memory of regions, and leave that as it is.
+
+        For who detects frames in several processes and lets `remembered` follow in their order.
+        """
         live = _checked(live, 'live frame')
         # small systems: a threaded BLAS is slower, and collapses when other processes are busy
         with _BLAS.limit(limits=1, user_api='blas'):
-            return self._detect(live, stamp)
+            return self._detect(live)
 
-    def _detect(self, live: np.ndarray, stamp: int | None) -> Result:
+    def _detect(self, live: np.ndarray) -> Outcome:
         clock = Clock()
         grey = luma(live)
         problem = self._without_texture(grey)
         if problem:
-            return self._not_registered(live, problem, clock)
+            return Outcome(self._not_registered(live, problem, clock))
         coarse, features, stage = self._stages_for(grey.shape)
         frame: RegisteredFrame | None = self._following(coarse, stage, live, grey, clock)
         if frame is None:
@@ -152,12 +157,12 @@ class Detector:
                 found = min(filter(None, others), key=lambda one: one.cost, default=None)
                 frame, problem = (found, '') if found else (frame, problem)
         if problem:
-            return self._not_registered(live, problem, clock)
+            return Outcome(self._not_registered(live, problem, clock))
         finding = self._finder.find(stage, frame, clock)
         if self.config.stream.hold and isinstance(finding.frame, PathFrame):
             assert isinstance(frame, PathFrame)
             self._memory.learn(frame.fit, finding.frame.fit)
-        return self._registered(finding, stamp, clock)
+        return outcome_of(finding, self.config.change, clock)
 
     def _following(
         self,
@@ -202,35 +207,6 @@ class Detector:
         """Register a frame that may shake too much for the first start; None when it does not."""
         frame = stage.shaken(refused, matches)
         return None if frame is None or self._misfit(frame) else frame
-
-    def _registered(self, finding: Finding, stamp: int | None, clock: Clock) -> Result:
-        frame = finding.frame
-        changes = changes_of(finding, self.config.change)
-        if self._regions.enabled:
-            with clock.step('persistence'):
-                found = [change.blob for change in changes]
-                known = self._regions.update(found, frame.path, frame.judged, stamp)
-            changes = [
-                replace(change, region=replace(change.region, **asdict(one)))
-                for change, one in zip(changes, known, strict=True)
-                if one
-            ]
-        mask = mask_of(changes, frame.grey.shape)
-        regions = (*(change.region for change in changes), *map(static_region, finding.layers))
-        return Result(
-            status=REGISTERED,
-            reason='',
-            change_mask=mask * np.uint8(255),
-            valid_mask=frame.judged * np.uint8(255),
-            residual=np.where(frame.judged, frame.residual, np.float32(0.0)),
-            row_motion=frame.row_motion,
-            row_uncertainty=frame.row_uncertainty,
-            regions=regions,
-            exposure_rows=frame.exposure_rows,
-            gain=frame.gain,
-            timings_ms=clock.timings_ms,
-            views=frame,
-        )
 
     def _stages_for(self, shape: tuple[int, int]) -> _Stages:
         """Return what depends on the live frame's size, prepared once per size."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from rsmb_ros.bags.reading import Bag, BagFrame, is_reference
+from rsmb_ros.bags.reading import Bag
+from rsmb_ros.bags.recording import BagFrame, is_reference
 from rsmb_ros.bags.writing import BagWriter
 from rsmb_ros.core.errors import ConfigError
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from rsmb_ros.bags.reading import Bag, BagFrame
+from rsmb_ros.bags.reading import Bag
+from rsmb_ros.bags.recording import BagFrame
 from rsmb_ros.core.config import Config
 from rsmb_ros.core.errors import BagError, ConfigError
 from rsmb_ros.core.types import Region, Result

@@ -4,26 +4,34 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import Protocol, TypeVar
 
 import numpy as np
 
-from rsmb_ros.bags.reading import Bag, Topic
-from rsmb_ros.core import Config
-from rsmb_ros.core.errors import BagError
+from rsmb_ros.bags.opening import open_recording
+from rsmb_ros.bags.recording import Recording, Topic
+from rsmb_ros.core import Camera, Config
+from rsmb_ros.core.errors import BagError, ConfigError
 
+from .detection import Compared, detected, detected_by
 from .geojson_sink import GeoOptions
 from .notes import image_notes, input_notes, noted
-from .opening import open_sinks, sources
+from .outlets import Sources, open_sinks, sources
+from .pairs import Pairs, pairs
 from .references import choose
-from .results import results, unknown
+from .selection import Picker, Selection
 from .sinks import Sink
+from .stored import spliced
 from .summary import Summary
 from .targets import check_targets
 from .unfinished import depends_on_earlier, refuse_unfinished
+from .workers import WorkerPool
+from .writing import Writing
+
+MOST_WORKERS = 256
 
 T = TypeVar('T')
 
@@ -48,18 +56,22 @@ class ReplayJob:
     Raises
     ------
     ConfigError
-        If an output is an input or another output, or an earlier replay was not finished.
+        If an output is an input or another output, what is asked for does not go together, or
+        an earlier replay was not finished.
     FileProblem
         If an output cannot be written.
 
     """
 
-    source: Path  # rosbag2 folder, .mcap, .db3 or ROS 1 .bag
+    source: Path  # bag, video file or folder of images, see `open_recording`
     output: Path  # .mcap
-    reference: str | None = None  # image file or topic; None: the topic named as one
+    reference: str | None = None  # see `choose`; None: the topic named as one
     topic: str | None = None  # live images; None: the only topic it may be
-    config: Config = Config()
+    selection: Selection = field(default_factory=Selection)  # of the live frames
+    rate: float | None = None  # frames/s of a video or folder of images
+    config: Config = field(default_factory=Config)
     depth: np.ndarray | None = None  # relative depth of the only reference, see `Detector`
+    workers: int = 1  # processes; 1: this one. Results do not depend on it
     csv: Path | None = None
     jsonl: Path | None = None
     geojson: GeoOptions | None = None
@@ -75,6 +87,13 @@ class ReplayJob:
         check_targets(self.targets(), inputs)
         if not self.resume:
             refuse_unfinished(self.output)
+        if not 1 <= self.workers <= MOST_WORKERS:
+            raise ConfigError(f'--workers {self.workers} must be from 1 to {MOST_WORKERS}')
+        if self.workers > 1 and self.config.stream.hold:
+            raise ConfigError(
+                f'--workers {self.workers}: with stream.hold = true each frame needs the one '
+                'before it; use --workers 1, or --set stream.hold=false'
+            )
 
     def targets(self) -> dict[str, Path]:
         """Return what will be written, by the name of its option."""
@@ -94,18 +113,20 @@ class ReplayJob:
             'topic': live.name,
             'reference': image_notes(reference),
             'depth': image_notes(self.depth),
-            'options': {
-                'compress': self.compress,
-                'keep_input': self.keep_input,
-                'keep_fixes': self.keep_input and self.geojson is not None,
-            },
+            'selection': asdict(self.selection),
+            'rate': self.rate,
+            'compress': self.compress,
+            'keep_input': self.keep_input,
+            'keep_fixes': self.keep_input and self.geojson is not None,
         }
         return noted(values)
 
 
 def replay(job: ReplayJob, watch: Watch = unwatched) -> Summary:
     """
-    Run every frame of a recording through the detector, and write what comes out.
+    Run the frames of a recording through the detector, and write what comes out.
+
+    Equal recordings and jobs give equal outputs, byte for byte, however many workers there are.
 
     Parameters
     ----------
@@ -121,26 +142,51 @@ def replay(job: ReplayJob, watch: Watch = unwatched) -> Summary:
 
     """
     with ExitStack() as stack:
-        bag = stack.enter_context(Bag(job.source))
-        live, reference = choose(bag, job.reference, job.topic)
-        given = sources(job, bag, live, reference)
-        if given.copier:
-            stack.callback(given.copier.close)
-        stored = given.stored
-        # where frames depend on those before, they are computed again, but not written again
-        known = stored.take if stored and not depends_on_earlier(job.config) else unknown
-        found = results(bag, live, reference, job.config, job.depth, known)
-        summary = Summary(job.source, live.name, resumed=len(stored) if stored else 0)
+        recording = stack.enter_context(open_recording(job.source, job.rate))
+        live, reference = choose(recording, job.reference, job.topic)
+        picker = Picker(job.selection, live.name)
+        given = sources(job, recording, live, reference, stack)
+        found = _results(job, recording, live, reference, picker, given, stack)
+        summary = Summary(job.source, live.name, resumed=len(given.stored or ()))
         first = next(found, None)
         if first is None:
+            picker.check()
             raise BagError(f'{job.source}: no frame of {live.name} can be read')
+        total = job.selection.at_most(live.count)
         sinks: list[Sink] = []
-        for sink in open_sinks(job, given, summary, live.count):
+        for sink in open_sinks(job, given, summary, total):
             stack.callback(sink.close)
             sinks.append(sink)
-        for frame, image, result in watch(chain([first], found), live.count, live.name):
-            for sink in sinks:
-                sink.take(frame, image, result)
-            summary.skipped = bag.skipped[live.name]
-        summary.skipped = bag.skipped[live.name]
+        with Writing(sinks) as writing:
+            for compared in watch(chain([first], found), total, live.name):
+                writing.put(compared)
+                summary.skipped = recording.skipped[live.name]
+        summary.skipped = recording.skipped[live.name]
     return summary
+
+
+def _results(
+    job: ReplayJob,
+    recording: Recording,
+    live: Topic,
+    reference: np.ndarray | Topic,
+    picker: Picker,
+    given: Sources,
+    stack: ExitStack,
+) -> Iterator[Compared]:
+    focal_px = recording.focal_px()
+    camera = None if focal_px is None else Camera(focal_px)
+    both = pairs(recording, live, reference, picker, only_one=job.depth is not None)
+
+    def detect(some: Pairs) -> Iterator[Compared]:
+        if pool is None:
+            return detected(some, recording, camera, job.config, job.depth)
+        return detected_by(pool, some, recording, job.config)
+
+    pool = None
+    if job.workers > 1:
+        pool = stack.enter_context(WorkerPool(job.workers, camera, job.config, job.depth))
+    # where frames depend on those before, they are computed again, but not written again
+    if given.stored and not depends_on_earlier(job.config):
+        return spliced(given.stored, both, detect)
+    return detect(both)

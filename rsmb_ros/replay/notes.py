@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rsmb_ros.bags.reading import Topic
+from rsmb_ros.bags.recording import Topic
 
 _END_BYTES = 1 << 20  # of a file that are looked at, at each end
 

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from rsmb_ros.bags.factory import BagFactory
-from rsmb_ros.bags.reading import COMPRESSED, BagFrame
+from rsmb_ros.bags.recording import COMPRESSED, BagFrame
 from rsmb_ros.core.errors import FrameError
 from rsmb_ros.core.types import Result
 from rsmb_ros.messages.as_json import summary_to_dict, to_json

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsmb_ros.bags.reading import BagFrame
+from rsmb_ros.bags.recording import BagFrame
 from rsmb_ros.bags.writing import BagWriter, Kept
 from rsmb_ros.core.config import Config
 from rsmb_ros.core.types import Result

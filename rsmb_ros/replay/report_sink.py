@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsmb_ros.bags.reading import BagFrame
+from rsmb_ros.bags.recording import BagFrame
 from rsmb_ros.core.types import Result
 from rsmb_ros.report.html import Report
 from rsmb_ros.report.overlay import describe, draw_overlay

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from rsmb_ros.bags.reading import BagFrame
+from rsmb_ros.bags.recording import BagFrame
 from rsmb_ros.core.types import Result
 
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rsmb_ros.bags.mcap_scan import Scan, Stored, WholeChunk, messages
-from rsmb_ros.bags.reading import COMPRESSED, BagFrame
+from rsmb_ros.bags.recording import COMPRESSED, BagFrame
 from rsmb_ros.bags.typestore import deserialised
 from rsmb_ros.core.errors import BagError
 from rsmb_ros.core.types import Region, Result
@@ -19,6 +20,8 @@ from rsmb_ros.messages.images import image_from_compressed, image_from_msg
 from rsmb_ros.messages.outputs import IMAGE
 from rsmb_ros.messages.stamps import NS_PER_S
 
+from .detection import Compared
+from .pairs import Pairs
 from .recorded import PREFIX
 
 LAST = PREFIX + 'diagnostics'  # written last of a frame
@@ -50,11 +53,16 @@ class StoredFrames:
     def __len__(self) -> int:
         return len(self._whole)
 
+    @property
+    def is_used_up(self) -> bool:
+        """Whether all results were taken."""
+        return self._next == len(self)
+
     def take(self, frame: BagFrame) -> Result | None:
         """
         Return the result of a frame; frames must come in their order.
 
-        None for one that gave no result, or that comes after all that are stored.
+        None for one that gave no result.
 
         Raises
         ------
@@ -62,8 +70,6 @@ class StoredFrames:
             If another frame is stored in its place, or the file is damaged.
 
         """
-        if self._next == len(self._whole):
-            return None
         found = self._outputs(self._next)
         summary = json.loads(found['regions_json'].data)
         if frame.index < summary['frame']:
@@ -71,19 +77,39 @@ class StoredFrames:
         stamp = summary['stamp']
         stamp_ns = stamp['sec'] * NS_PER_S + stamp['nanosec']
         if (frame.index, frame.stamp_ns) != (summary['frame'], stamp_ns):
-            raise BagError(
-                f'{self._path}: holds frame {summary["frame"]} with stamp {stamp_ns} ns where the '
-                f'input has frame {frame.index} with stamp {frame.stamp_ns} ns; '
-                'delete the file, or name the input it was made from'
-            )
+            raise self.contradicted(frame)
         self._next += 1
         return _result(summary, found)
+
+    def contradicted(self, frame: BagFrame) -> BagError:
+        """Return the error of a frame that is not the one stored in its place."""
+        return BagError(
+            f'{self._path}: was made from another input: the frame {frame.index} with stamp '
+            f'{frame.stamp_ns} ns is not in its place; delete the file, or name that input'
+        )
 
     def _outputs(self, n: int) -> dict[str, Any]:
         """Return the messages of one frame by the names of their outputs."""
         with self._path.open('rb') as stream:
             stored = list(messages(stream, self._whole[n].index, self._contents))
         return _by_name(stored)
+
+
+def spliced(
+    stored: StoredFrames, pairs: Pairs, detect: Callable[[Pairs], Iterator[Compared]]
+) -> Iterator[Compared]:
+    """Iterate over the stored results of frames, then over those that `detect` finds."""
+    for pair in pairs:
+        if stored.is_used_up:
+            yield from detect(chain([pair], pairs))
+            return
+        frame, reference = pair
+        result = stored.take(frame)
+        if result is None:
+            for _ in detect(iter([pair])):  # counts it
+                raise stored.contradicted(frame)
+        else:
+            yield Compared(frame, reference.image, result)
 
 
 def _by_name(stored: Iterable[Stored]) -> dict[str, Any]:

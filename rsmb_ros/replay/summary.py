@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsmb_ros.bags.reading import BagFrame
+from rsmb_ros.bags.recording import BagFrame
 from rsmb_ros.core.types import REGISTERED, Result
 
 

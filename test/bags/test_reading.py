@@ -181,8 +181,8 @@ def test_other_files_are_no_bags(tmp_path, name):
         Bag(path)
 
 
-def test_folder_without_metadata_is_no_bag(tmp_path):
-    with pytest.raises(BagError, match=r'without metadata\.yaml is no bag; name the \.mcap'):
+def test_empty_folder_is_no_bag(tmp_path):
+    with pytest.raises(BagError, match=r'neither metadata\.yaml, \.mcap nor \.db3'):
         Bag(tmp_path)
 
 

@@ -14,7 +14,7 @@ from rsmb_ros.bags.writing import BagWriter
 from rsmb_ros.core import Camera, Config, Detector
 from rsmb_ros.messages.as_json import summary_to_dict
 from rsmb_ros.messages.outputs import OUTPUTS
-from rsmb_ros.replay import results as replay_results
+from rsmb_ros.replay import detection
 
 
 def images_of(path, topic):
@@ -223,7 +223,7 @@ def test_interrupted_replay_leaves_a_readable_bag(replay, flight_bag, monkeypatc
                 raise KeyboardInterrupt
             return super().detect(live, stamp)
 
-    monkeypatch.setattr(replay_results, 'Detector', Interrupted)
+    monkeypatch.setattr(detection, 'Detector', Interrupted)
     done, out = replay(flight_bag, '--csv', tmp_path / 'r.csv', '--report', tmp_path / 'r.html')
     assert done.code == 130
     assert len(images_of(out, '/rsmb/change_mask')) == 2
@@ -241,7 +241,7 @@ def test_ctrl_c_waits_for_the_frame_in_work(replay, flight_bag, monkeypatch):
                 signal.raise_signal(signal.SIGINT)
             return super().detect(live, stamp)
 
-    monkeypatch.setattr(replay_results, 'Detector', Signalled)
+    monkeypatch.setattr(detection, 'Detector', Signalled)
     before = signal.getsignal(signal.SIGINT)
     done, out = replay(flight_bag)
     assert done.code == 130

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rsmb_ros.bags.reading import CAMERA_INFO, Bag, Topic
+from rsmb_ros.bags.reading import Bag
+from rsmb_ros.bags.recording import CAMERA_INFO, Recording, Topic
 from rsmb_ros.bags.writing import provenance
+from rsmb_ros.core.errors import ConfigError
 
 from .copying import Copier
 from .csv_sink import CsvSink
@@ -36,18 +39,28 @@ class Sources:
     copier: Copier | None
 
 
-def sources(job: ReplayJob, bag: Bag, live: Topic, reference: np.ndarray | Topic) -> Sources:
+def sources(
+    job: ReplayJob,
+    recording: Recording,
+    live: Topic,
+    reference: np.ndarray | Topic,
+    stack: ExitStack,
+) -> Sources:
     """
-    Read what the sinks of a job will need.
+    Read what the sinks of a job will need; what is opened is closed with `stack`.
 
     Raises
     ------
     RsmbError
-        If the bag does not hold it, or the job cannot go on with what is there.
+        If the recording does not hold it, or the job cannot go on with what is there.
 
     """
-    flight = None if job.geojson is None else flight_of(bag, job.geojson, job.config)
-    copier = _copier(job, bag, live, reference) if job.keep_input else None
+    flight = copier = None
+    if job.geojson:
+        flight = flight_of(_bag(recording, '--geojson'), job.geojson, job.config)
+    if job.keep_input:
+        copier = _copier(job, _bag(recording, '--keep-input'), live, reference)
+        stack.callback(copier.close)
     notes = job.notes(live, reference)
     stored = unfinished(job.output, provenance(job.config) | notes) if job.resume else None
     return Sources(notes, stored, flight, copier)
@@ -81,3 +94,9 @@ def _copier(job: ReplayJob, bag: Bag, live: Topic, reference: np.ndarray | Topic
     if job.geojson:
         others.append(fix_topic(job.geojson, bag))
     return Copier(job.source, live.name, others)
+
+
+def _bag(recording: Recording, option: str) -> Bag:
+    if not isinstance(recording, Bag):
+        raise ConfigError(f'{option} is for bags, which hold messages; {recording.path} is none')
+    return recording
