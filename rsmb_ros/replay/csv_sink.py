@@ -24,8 +24,7 @@ class CsvSink:
     """Writes one line per region; a frame without regions has one line, without region."""
 
     def __init__(self, path: Path) -> None:
-        self._file = TextFile(path)
-        self._file.write(_lines([list(CSV_COLUMNS)]))
+        self._file = TextFile(path, _lines([list(CSV_COLUMNS)]))
 
     def take(self, frame: BagFrame, reference: np.ndarray, result: Result) -> None:
         """Write the lines of one frame."""

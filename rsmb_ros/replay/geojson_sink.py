@@ -91,9 +91,8 @@ class GeoJsonSink:
 
     def __init__(self, options: GeoOptions, flight: Flight) -> None:
         self._options, self._track, self._focal_px = options, flight.track, flight.focal_px
-        self._file = TextFile(options.path)
         head = to_json({'type': 'FeatureCollection', 'assumptions': ASSUMPTIONS})
-        self._file.write(f'{head[:-1]}, "features": [{_END}')
+        self._file = TextFile(options.path, f'{head[:-1]}, "features": [{_END}')
         self._first = True
         self._unplaced: list[str] = []
 

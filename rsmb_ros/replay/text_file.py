@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 
 from rsmb_ros.core.errors import FileProblem
@@ -15,6 +17,8 @@ class TextFile:
     ----------
     path : Path
         An existing file is replaced.
+    head : str
+        What it begins with.
 
     Raises
     ------
@@ -23,12 +27,17 @@ class TextFile:
 
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, head: str = '') -> None:
         self._path = path
         try:
             self._stream = path.open('wb', buffering=0)
         except OSError as error:
             raise FileProblem(f'{path}: cannot be written: {error.strerror}') from error
+        try:
+            self.write(head)
+        except FileProblem:
+            self.close()
+            raise
 
     def write(self, text: str, over: int = 0) -> None:
         """Write `text` over the last `over` bytes of what is there."""
@@ -37,7 +46,7 @@ class TextFile:
             if over:
                 self._stream.seek(-over, 2)
             if self._stream.write(data) != len(data):
-                raise OSError(28, 'the disk is full')
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         except OSError as error:
             raise FileProblem(f'{self._path}: cannot be written: {error.strerror}') from error
 

@@ -85,12 +85,10 @@ def depends_on_earlier(config: Config) -> bool:
 def _stored(path: Path) -> StoredFrames | None:
     with path.open('rb') as stream:
         found = scan(stream)
-    return None if found is None else StoredFrames(part_of_or_self(path), found)
-
-
-def part_of_or_self(path: Path) -> Path:
-    """Return the name under which a file is gone on with."""
-    return path if path.suffix == '.part' else part_of(path)
+    if found is None or not (found.metadata or found.chunks):
+        return None  # killed before its first record
+    # read later, under the name it then has
+    return StoredFrames(path if path.suffix == '.part' else part_of(path), found)
 
 
 def _differences(held: Mapping[str, str], wanted: Mapping[str, str]) -> list[str]:
