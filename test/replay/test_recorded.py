@@ -131,7 +131,7 @@ def test_changes_are_boxes_around_the_mask(made):
     assert boxes >= 4
 
 
-def test_diagnostics_tell_status_reason_residual_and_exposure(made, flight_bag, tmp_path):
+def test_diagnostics_tell_status_residual_and_exposure(made):
     found = read(made())
     for n, array in enumerate(found['/rsmb/diagnostics']):
         (status,) = array.status
@@ -146,13 +146,21 @@ def test_diagnostics_tell_status_reason_residual_and_exposure(made, flight_bag, 
         assert float(values['exposure [rows]']) >= 0
         stamp = array.header.stamp.sec * 10**9 + array.header.stamp.nanosec
         assert stamp == START_NS + (n + 1) * STEP_NS
-    refused = Config().replaced({'registration.min_agreement': 1.0})
-    replay(ReplayJob(flight_bag, tmp_path / 'bad.mcap', config=refused))
-    (status,) = read(tmp_path / 'bad.mcap')['/rsmb/diagnostics'][0].status
+
+
+def test_diagnostics_warn_of_a_frame_that_is_not_registered(photos, factory, tmp_path):
+    with BagWriter(tmp_path / 'flat.mcap') as writer:
+        for n, topic in enumerate(('/reference/image', '/image')):
+            photo = np.full_like(photos[0], 99) if n else photos[0]
+            writer.write(topic, factory.image(factory.header(n, ''), photo), n)
+    replay(ReplayJob(tmp_path / 'flat.mcap', tmp_path / 'out.mcap'))
+    (array,) = read(tmp_path / 'out.mcap')['/rsmb/diagnostics']
+    (status,) = array.status
     values = {pair.key: pair.value for pair in status.values}
     assert (status.level, values['status']) == (1, 'not_registered')
-    assert values['reason']
-    assert status.message.endswith(values['reason'])
+    assert 'no texture' in values['reason']
+    assert status.message == f'not_registered: {values["reason"]}'
+    assert values['exposure [rows]'] == values['residual mean [grey levels]'] == ''
 
 
 @pytest.mark.parametrize('form', ['png', 'jpeg'])
