@@ -60,6 +60,7 @@ setup(
         'scikit-learn>=1.4',
         'scipy>=1.11',
         'threadpoolctl>=3.1',
+        'zstandard>=0.18',
     ],
     extras_require={
         # Wheels of ROS 2 Jazzy for machines without ROS; a robot has the apt packages instead.

@@ -47,6 +47,7 @@ LIBRARIES = {
     'sklearn': ('scikit-learn', 'python3-sklearn'),
     'threadpoolctl': ('threadpoolctl', 'python3-sklearn'),
     'yaml': ('pyyaml', 'python3-yaml'),
+    'zstandard': ('zstandard', 'mcap-ros2-support'),  # mcap brings it
 }
 
 
