@@ -49,6 +49,7 @@ setup(
     zip_safe=False,
     install_requires=[
         'jinja2>=3.0',
+        'lz4>=4.0',
         'mcap>=1.1',
         'numba>=0.58',
         'numpy>=1.26',
@@ -60,7 +61,7 @@ setup(
         'scikit-learn>=1.4',
         'scipy>=1.11',
         'threadpoolctl>=3.1',
-        'zstandard>=0.18',
+        'zstandard>=0.22',
     ],
     extras_require={
         # Wheels of ROS 2 Jazzy for machines without ROS; a robot has the apt packages instead.

@@ -37,6 +37,7 @@ IF_PRESENT = {'osqp'}  # in an extra of its own: ROS has no key for it
 LIBRARIES = {
     'cv2': ('opencv-python-headless', 'python3-opencv'),
     'jinja2': ('jinja2', 'python3-jinja2'),
+    'lz4': ('lz4', 'mcap-ros2-support'),  # comes with mcap
     'mcap': ('mcap', 'mcap-ros2-support'),
     'numba': ('numba', 'python3-numba'),
     'numpy': ('numpy', 'python3-numpy'),
@@ -47,7 +48,7 @@ LIBRARIES = {
     'sklearn': ('scikit-learn', 'python3-sklearn'),
     'threadpoolctl': ('threadpoolctl', 'python3-sklearn'),
     'yaml': ('pyyaml', 'python3-yaml'),
-    'zstandard': ('zstandard', 'mcap-ros2-support'),  # mcap brings it
+    'zstandard': ('zstandard', 'mcap-ros2-support'),  # comes with mcap
 }
 
 

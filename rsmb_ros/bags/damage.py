@@ -8,6 +8,10 @@ from collections.abc import Hashable
 _log = logging.getLogger(__name__)
 
 
+class Unreadable(Exception):
+    """A file, or a part of it, is not what it should be; says why, not where."""
+
+
 class Damage:
     """
     Losses of one recording, by place, however often it is read.

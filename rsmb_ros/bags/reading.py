@@ -34,6 +34,8 @@ from .storage import open_reader, storage_files
 FORMATS = 'a rosbag2 folder, .mcap, .db3 or ROS 1 .bag'
 
 _DECODERS = {IMAGE: image_from_msg, COMPRESSED: image_from_compressed}
+# What a message raises whose definition, in the bag, is damaged.
+_NOT_AS_DEFINED = (AttributeError, TypeError, IndexError)
 _log = logging.getLogger(__name__)
 
 
@@ -80,10 +82,18 @@ class Bag(Recording):
         topics = [topic for topic in self.topics if topic.type == CAMERA_INFO and topic.count]
         if len(topics) != 1:
             return None
-        _, _, info = next(self.messages(topics[0].name))
-        # ROS 1 calls the matrix K, ROS 2 k
-        focal = float((info.K if hasattr(info, 'K') else info.k)[0])
-        return focal if math.isfinite(focal) and focal > 0 else None
+        for _, _, read in self._stored((topics[0].name,)):
+            try:
+                info = read()
+                # ROS 1 calls the matrix K, ROS 2 k
+                focal = float((info.K if hasattr(info, 'K') else info.k)[0])
+            except (MalformedMessage, *_NOT_AS_DEFINED):
+                continue
+            return focal if math.isfinite(focal) and focal > 0 else None
+        name = topics[0].name
+        text = f'{self.path}: no message of {name} can be read: the focal length is not known'
+        self.damage.note(name, text)
+        return None
 
     def messages(self, *names: str) -> Iterator[tuple[str, int, Any]]:
         """Iterate over topic, log time [ns] and message of the topics `names`, by log time."""
@@ -93,6 +103,23 @@ class Bag(Recording):
             except MalformedMessage as error:
                 raise BagError(f'{self.path}: a message of {topic} is damaged: {error}') from error
             yield topic, time_ns, message
+
+    def readable(self, name: str) -> tuple[int, int]:
+        """
+        Return how many messages of the topic `name` are whole, and how many are not.
+
+        Of types that nothing is made of here only that they are stored counts: a bag may hold
+        them in a version of the type that it does not tell.
+        """
+        whole, broken = 0, 0
+        for _, _, read in self._stored((name,)):
+            try:
+                if self.topic(name).type == CAMERA_INFO:
+                    read()
+                whole += 1
+            except MalformedMessage:
+                broken += 1
+        return whole, broken
 
     def cdr(self, *names: str) -> Iterator[tuple[str, int, bytes]]:
         """
@@ -123,7 +150,7 @@ class Bag(Recording):
                 if not wanted(label):
                     continue
                 image = decode[topic](message)
-            except MalformedMessage as error:
+            except (MalformedMessage, *_NOT_AS_DEFINED) as error:
                 self.skipped[topic] += 1
                 _log.warning('%s: message %d of %s skipped: %s', self.path, index, topic, error)
                 continue

@@ -160,8 +160,8 @@ def replay(job: ReplayJob, watch: Watch = unwatched) -> Summary:
         with Writing(sinks) as writing:
             for compared in watch(chain([first], found), total, live.name):
                 writing.put(compared)
-                summary.skipped = recording.skipped[live.name]
-        summary.skipped = recording.skipped[live.name]
+                summary.count_losses(recording)
+        summary.count_losses(recording)
     return summary
 
 
