@@ -2,44 +2,35 @@
 
 from __future__ import annotations
 
-import os
+import mmap
 import struct
-import zlib
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from io import BytesIO
-from typing import IO, NamedTuple
+from pathlib import Path
+from typing import NamedTuple
 
-import zstandard
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import (
-    Channel,
-    Chunk,
-    ChunkIndex,
-    Message,
-    MessageIndex,
-    Metadata,
-    MetadataIndex,
-    Schema,
-)
+from mcap.records import Channel, ChunkIndex, MessageIndex, Metadata, MetadataIndex, Schema
 
 from rsmb_ros.core.errors import BagError
 
-from .mcap_file import COMPRESSION, MAGIC, Contents, chunk_index
+from .damage import Unreadable
+from .mcap_file import COMPRESSION, Contents
+from .mcap_records import MAGIC, MESSAGE, RECORD, Chunk, chunk_at, content, records, stream_of
 
-_HEAD = struct.Struct('<BQ')  # opcode, length of what follows
-_CHUNK = struct.Struct('<QQQI')  # first time, last time, bytes, crc
+_LAST = struct.Struct('<Q')  # time of a chunk's last message, behind that of its first
 
 
 @dataclass
 class WholeChunk:
     """One chunk with its index, and what is new in it."""
 
-    index: ChunkIndex
+    place: Chunk
+    index: ChunkIndex  # its entry in a summary
     end: int  # first byte after its index
-    counts: dict[int, int]  # channel -> messages
+    counts: dict[int, int] = field(default_factory=dict)  # channel -> messages
     schemas: list[Schema] = field(default_factory=list)
     channels: list[Channel] = field(default_factory=list)
 
@@ -58,9 +49,9 @@ class Scan:
     """Everything before the first byte that is missing."""
 
     start: int  # first byte of the first chunk
-    metadata_index: list[MetadataIndex]
-    metadata: dict[str, dict[str, str]]  # by the name of the record
-    chunks: list[WholeChunk]
+    metadata_index: list[MetadataIndex] = field(default_factory=list)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)  # by the record's name
+    chunks: list[WholeChunk] = field(default_factory=list)
 
     def end(self, count: int) -> int:
         """Return the size of the file with its first `count` chunks [bytes]."""
@@ -80,13 +71,11 @@ class Scan:
         return held
 
 
-def scan(stream: IO[bytes]) -> Scan | None:
+def scan(path: Path) -> Scan | None:
     """
     Return what a file that `McapFile` wrote holds; None if it is too short to hold anything.
 
-    Parameters
-    ----------
-    stream : binary file, open for reading
+    Only the last chunk is decompressed, and those that define topics.
 
     Raises
     ------
@@ -94,134 +83,16 @@ def scan(stream: IO[bytes]) -> Scan | None:
         If it was written by another program.
 
     """
-    stream.seek(0)
-    magic = stream.read(len(MAGIC))
-    if len(magic) == len(MAGIC) and magic != MAGIC:
-        raise BagError(f'{stream.name}: no .mcap file')
-    found = Scan(len(MAGIC), [], {}, [])
-    known: set[int] = set()
-    seen_header = False
-    for opcode, start, length in _records(stream):
-        if opcode == Opcode.HEADER:
-            seen_header, found.start = True, start + _HEAD.size + length
-        elif opcode == Opcode.METADATA and not found.chunks:
-            record = Metadata.read(_body(stream, length))
-            found.metadata[record.name] = record.metadata
-            size = _HEAD.size + length
-            found.metadata_index.append(MetadataIndex(start, size, record.name))
-            found.start = start + size
-        elif opcode == Opcode.CHUNK:
-            index = _chunk_head(stream, start, length)
-            found.chunks.append(WholeChunk(index, start + _HEAD.size + length, {}))
-        elif opcode == Opcode.MESSAGE_INDEX and found.chunks:
-            _take_index(stream, found.chunks[-1], start, length)
-            _define(stream, found.chunks[-1], known)
-        else:
-            raise BagError(f'{stream.name}: was not written by rsmb: record of kind {opcode}')
-    if found.chunks and not _is_whole(stream, found.chunks[-1]):
-        found.chunks.pop()
-    return found if seen_header else None
+    with _mapped(path) as data:
+        if data[: len(MAGIC)] != MAGIC[: len(data)]:
+            raise BagError(f'{path}: no .mcap file')
+        try:
+            return _scan(data)
+        except (Unreadable, struct.error, UnicodeDecodeError) as error:
+            raise BagError(f'{path}: was not written by rsmb, or is damaged: {error}') from error
 
 
-def _records(stream: IO[bytes]) -> Iterator[tuple[int, int, int]]:
-    """Iterate over opcode, place and length of the whole records before the end of the data."""
-    size = os.fstat(stream.fileno()).st_size
-    start = len(MAGIC)
-    while start + _HEAD.size <= size:
-        stream.seek(start)
-        opcode, length = _HEAD.unpack(stream.read(_HEAD.size))
-        if opcode == Opcode.DATA_END or start + _HEAD.size + length > size:
-            return
-        yield opcode, start, length
-        start += _HEAD.size + length
-
-
-def _body(stream: IO[bytes], length: int) -> ReadDataStream:
-    return ReadDataStream(BytesIO(stream.read(length)))
-
-
-def _chunk_head(stream: IO[bytes], start: int, length: int) -> ChunkIndex:
-    """Read what comes before the data of a chunk."""
-    first, last, size, crc = _CHUNK.unpack(stream.read(_CHUNK.size))
-    (name_length,) = struct.unpack('<I', stream.read(4))
-    compression = stream.read(min(name_length, 16)).decode(errors='replace')
-    if compression != COMPRESSION:
-        raise BagError(
-            f'{stream.name}: was not written by rsmb: compression {compression!r}, '
-            f'must be {COMPRESSION}'
-        )
-    chunk = Chunk(compression, b'', last, first, crc, size)
-    index = chunk_index(chunk, start, _HEAD.size + length, {}, 0)
-    (index.compressed_size,) = struct.unpack('<Q', stream.read(8))
-    return index
-
-
-def _take_index(stream: IO[bytes], chunk: WholeChunk, start: int, length: int) -> None:
-    """Add one record of message indexes to its chunk."""
-    record = MessageIndex.read(_body(stream, length))
-    chunk.index.message_index_offsets[record.channel_id] = start
-    chunk.end = start + _HEAD.size + length
-    chunk.index.message_index_length = chunk.end - _chunk_end(chunk.index)
-    chunk.counts[record.channel_id] = len(record.records)
-
-
-def _chunk_end(index: ChunkIndex) -> int:
-    return index.chunk_start_offset + index.chunk_length
-
-
-def _define(stream: IO[bytes], chunk: WholeChunk, known: set[int]) -> None:
-    """Read the definitions of a chunk that has channels which are not known yet."""
-    if set(chunk.counts) <= known:
-        return
-    for opcode, body in _inner(_compressed(stream, chunk.index)):
-        if opcode == Opcode.SCHEMA:
-            chunk.schemas.append(Schema.read(ReadDataStream(BytesIO(body))))
-        elif opcode == Opcode.CHANNEL:
-            chunk.channels.append(Channel.read(ReadDataStream(BytesIO(body))))
-        else:
-            break
-    known.update(channel.id for channel in chunk.channels)
-
-
-def _compressed(stream: IO[bytes], index: ChunkIndex) -> IO[bytes]:
-    """Return a reader of the data of a chunk."""
-    stream.seek(_chunk_end(index) - index.compressed_size)
-    source = BytesIO(stream.read(index.compressed_size))
-    return zstandard.ZstdDecompressor().stream_reader(source)
-
-
-def _inner(data: IO[bytes]) -> Iterator[tuple[int, bytes]]:
-    """Iterate over opcode and content of the records in the data of a chunk."""
-    while len(head := data.read(_HEAD.size)) == _HEAD.size:
-        opcode, length = _HEAD.unpack(head)
-        yield opcode, data.read(length)
-
-
-def _is_whole(stream: IO[bytes], chunk: WholeChunk) -> bool:
-    """Return whether the last chunk is all there: the last records of its index may be missing."""
-    data = _checked(stream, chunk.index)
-    if data is None:
-        return False
-    counts: Counter[int] = Counter()
-    for opcode, body in _inner(BytesIO(data)):
-        if opcode == Opcode.MESSAGE:
-            counts[struct.unpack_from('<H', body)[0]] += 1
-    return counts == chunk.counts
-
-
-def _checked(stream: IO[bytes], index: ChunkIndex) -> bytes | None:
-    """Return the data of a chunk, None if its checksum is wrong."""
-    stream.seek(index.chunk_start_offset + _HEAD.size)
-    crc = _CHUNK.unpack(stream.read(_CHUNK.size))[-1]
-    stream.seek(_chunk_end(index) - index.compressed_size)
-    try:
-        data = zstandard.decompress(stream.read(index.compressed_size), index.uncompressed_size)
-    except zstandard.ZstdError:
-        return None
-    return data if zlib.crc32(data) == crc else None
-
-
-def messages(stream: IO[bytes], index: ChunkIndex, contents: Contents) -> Iterator[Stored]:
+def messages(path: Path, chunk: WholeChunk, contents: Contents) -> Iterator[Stored]:
     """
     Iterate over the messages of one chunk.
 
@@ -231,15 +102,116 @@ def messages(stream: IO[bytes], index: ChunkIndex, contents: Contents) -> Iterat
         If its checksum is wrong.
 
     """
-    data = _checked(stream, index)
-    if data is None:
-        raise BagError(
-            f'{stream.name}: the chunk at byte {index.chunk_start_offset} is damaged; '
-            'delete the file and start again'
-        )
-    for opcode, body in _inner(BytesIO(data)):
+    with _mapped(path) as data:
+        try:
+            raw = content(data, chunk.place)
+        except Unreadable as error:
+            raise BagError(
+                f'{path}: the chunk at byte {chunk.place.offset} is damaged: {error}; '
+                'delete the file and start again'
+            ) from error
+    for opcode, body, _ in records(raw):
         if opcode == Opcode.MESSAGE:
-            message = Message.read(ReadDataStream(BytesIO(body)), len(body))
-            channel = contents.channels[message.channel_id]
+            number, _, time_ns, _ = MESSAGE.unpack_from(body)
+            channel = contents.channels[number]
             kind = contents.schemas[channel.schema_id].name
-            yield Stored(channel.topic, kind, message.log_time, message.data)
+            yield Stored(channel.topic, kind, time_ns, bytes(body[MESSAGE.size :]))
+
+
+@contextmanager
+def _mapped(path: Path) -> Iterator[memoryview]:
+    with path.open('rb') as stream:
+        if stream.read(1):
+            # closed with the last slice of it
+            yield memoryview(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ))
+        else:
+            yield memoryview(b'')
+
+
+def _scan(data: memoryview) -> Scan | None:
+    found = Scan(len(MAGIC))
+    known: set[int] = set()
+    seen_header = False
+    for opcode, body, at in records(data[len(MAGIC) :]):
+        start = len(MAGIC) + at
+        end = start + RECORD.size + len(body)
+        if opcode == Opcode.DATA_END:
+            break
+        if opcode == Opcode.HEADER:
+            seen_header, found.start = True, end
+        elif opcode == Opcode.METADATA and not found.chunks:
+            record = Metadata.read(stream_of(body))
+            found.metadata[record.name] = record.metadata
+            found.metadata_index.append(MetadataIndex(start, end - start, record.name))
+            found.start = end
+        elif opcode == Opcode.CHUNK:
+            found.chunks.append(_chunk(data, start))
+        elif opcode == Opcode.MESSAGE_INDEX and found.chunks:
+            chunk = found.chunks[-1]
+            _take_index(chunk, body, start, end)
+            if not set(chunk.counts) <= known:
+                if not _define(chunk, data):
+                    break  # what follows cannot be understood without
+                known.update(channel.id for channel in chunk.channels)
+        else:
+            raise Unreadable(f'record of kind {opcode} at byte {start}')
+    if found.chunks and not _is_whole(data, found.chunks[-1]):
+        found.chunks.pop()
+    return found if seen_header else None
+
+
+def _chunk(data: memoryview, start: int) -> WholeChunk:
+    place = chunk_at(data, start)
+    if place.compression != COMPRESSION:
+        raise Unreadable(f'compression {place.compression!r}, must be {COMPRESSION}')
+    (last_ns,) = _LAST.unpack_from(data, start + RECORD.size + _LAST.size)
+    index = ChunkIndex(
+        message_start_time=place.start_ns,
+        message_end_time=last_ns,
+        chunk_start_offset=start,
+        chunk_length=place.end - start,
+        message_index_offsets={},
+        message_index_length=0,
+        compression=place.compression,
+        compressed_size=place.data_size,
+        uncompressed_size=place.size,
+    )
+    return WholeChunk(place, index, place.end)
+
+
+def _take_index(chunk: WholeChunk, body: memoryview, start: int, end: int) -> None:
+    """Add one record of message indexes to its chunk."""
+    record = MessageIndex.read(stream_of(body))
+    chunk.index.message_index_offsets[record.channel_id] = start
+    chunk.index.message_index_length = end - chunk.place.end
+    chunk.end = end
+    chunk.counts[record.channel_id] = len(record.records)
+
+
+def _define(chunk: WholeChunk, data: memoryview) -> bool:
+    """Read the definitions in a chunk, which stand before its messages; False if it is damaged."""
+    try:
+        raw = content(data, chunk.place)
+    except Unreadable:
+        return False
+    for opcode, body, _ in records(raw):
+        if opcode == Opcode.SCHEMA:
+            chunk.schemas.append(Schema.read(stream_of(body)))
+        elif opcode == Opcode.CHANNEL:
+            chunk.channels.append(Channel.read(stream_of(body)))
+        else:
+            break
+    return True
+
+
+def _is_whole(data: memoryview, chunk: WholeChunk) -> bool:
+    """Return whether the last chunk is all there: the last records of its index may be missing."""
+    try:
+        raw = content(data, chunk.place)
+    except Unreadable:
+        return False
+    counts: Counter[int] = Counter()
+    for opcode, body, _ in records(raw):
+        if opcode == Opcode.MESSAGE:
+            counts[MESSAGE.unpack_from(body)[0]] += 1
+    return counts == chunk.counts

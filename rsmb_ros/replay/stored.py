@@ -90,9 +90,7 @@ class StoredFrames:
 
     def _outputs(self, n: int) -> dict[str, Any]:
         """Return the messages of one frame by the names of their outputs."""
-        with self._path.open('rb') as stream:
-            stored = list(messages(stream, self._whole[n].index, self._contents))
-        return _by_name(stored)
+        return _by_name(messages(self._path, self._whole[n], self._contents))
 
 
 def spliced(

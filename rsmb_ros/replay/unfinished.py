@@ -83,8 +83,7 @@ def depends_on_earlier(config: Config) -> bool:
 
 
 def _stored(path: Path) -> StoredFrames | None:
-    with path.open('rb') as stream:
-        found = scan(stream)
+    found = scan(path)
     if found is None or not (found.metadata or found.chunks):
         return None  # killed before its first record
     # read later, under the name it then has

@@ -63,7 +63,7 @@ def cut_off(whole, tmp_path):
         part = folder / 'out.mcap.part'
         part.write_bytes(written['mcap'])
         with part.open('r+b') as stream:
-            stream.truncate(scan(stream).end(frames) + more)
+            stream.truncate(scan(part).end(frames) + more)
         for suffix in ('csv', 'jsonl'):
             (folder / f'out.{suffix}').write_text('cut in the mid')
         return folder
