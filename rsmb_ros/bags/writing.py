@@ -18,6 +18,11 @@ from .mcap_file import McapFile
 from .mcap_scan import Scan
 from .typestore import definition, serialised
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
 __all__ = ['METADATA', 'BagFactory', 'BagWriter', 'Kept', 'part_of', 'provenance']
 
 METADATA = 'rsmb'  # name of the record with version and configuration
@@ -90,8 +95,12 @@ class BagWriter:
         self._channels: dict[str, int] = {}
         self._failed = False
         with self._translated():
-            self._stream = self._part.open('wb' if kept is None else 'r+b')
+            self._stream = self._part.open('ab' if kept is None else 'r+b')
+        self._lock()
+        with self._translated():
             if kept is None:
+                self._stream.truncate(0)  # not before it is ours
+                self._stream.seek(0)
                 self._file = McapFile(self._stream)
                 self._file.start('ros2', f'rsmb_ros {rsmb_ros.__version__}')
                 self._file.add_metadata(METADATA, provenance(config) | dict(notes or {}))
@@ -107,6 +116,20 @@ class BagWriter:
         self._schemas = {schema.name: schema.id for schema in held.schemas.values()}
         self._channels = {channel.topic: channel.id for channel in held.channels.values()}
         self._file = McapFile(self._stream, held)
+
+    def _lock(self) -> None:
+        """Keep other processes from writing the same file, where the system can."""
+        if fcntl is None:
+            return
+        try:
+            fcntl.flock(self._stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            self._stream.close()
+            raise BagError(
+                f'{self.path}: another process is writing it; wait for it, or choose another name'
+            ) from error
+        except OSError:  # a network drive without locks
+            return
 
     def __enter__(self) -> BagWriter:
         return self

@@ -159,6 +159,8 @@ def replay(job: ReplayJob, watch: Watch = unwatched) -> Summary:
             sinks.append(sink)
         with Writing(sinks) as writing:
             for compared in watch(chain([first], found), total, live.name):
+                if given.copier:
+                    given.copier.collect(compared.frame)
                 writing.put(compared)
                 summary.count_losses(recording)
         summary.count_losses(recording)

@@ -93,7 +93,7 @@ def _copier(job: ReplayJob, bag: Bag, live: Topic, reference: np.ndarray | Topic
         others.append(reference.name)
     if job.geojson:
         others.append(fix_topic(job.geojson, bag))
-    return Copier(job.source, live.name, others)
+    return Copier(bag, live.name, others)
 
 
 def _bag(recording: Recording, option: str) -> Bag:

@@ -31,7 +31,7 @@ class RecordingSink:
     compress : 'png' or 'jpeg', optional
         See `recorded`.
     copier : Copier, optional
-        Copies the inputs that belong to each frame.
+        Has collected the inputs that belong to each frame before it is given.
     stored : StoredFrames, optional
         Go on with these; the frames given first are those, and are not written again.
 
@@ -56,7 +56,7 @@ class RecordingSink:
         """Write the outputs of one frame, at its stamp."""
         is_new = self._written == 0
         if self._copier:
-            self._copier.advance(frame, self._writer if is_new else None)
+            self._copier.write(self._writer if is_new else None)
         if not is_new:
             self._written -= 1
             return

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from containers import in_container
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from small_flight import START_NS, STEP_NS, masks_of
@@ -15,6 +16,7 @@ import rsmb_ros
 from rsmb_ros.bags.pacing import paced
 from rsmb_ros.bags.reading import Bag
 from rsmb_ros.bags.writing import BagWriter
+from rsmb_ros.cli.main import main
 from rsmb_ros.core import Config
 from rsmb_ros.core.errors import BagError, ConfigError
 from rsmb_ros.messages.images import image_from_compressed, image_from_msg
@@ -295,3 +297,26 @@ def test_colour_is_kept_as_it_is(photos, factory, tmp_path, colour):
         (message,) = found[f'/rsmb/{name}/compressed']
         assert message.format.startswith(f'{encoding}; png compressed')
         assert image_from_compressed(message).ndim == (3 if colour else 2)
+
+
+@pytest.mark.parametrize('kind', ['folder db3 message zstd', 'folder mcap split', 'db3'])
+def test_inputs_are_kept_from_every_container(made, flight_bag, tmp_path, kind):
+    bag = in_container(flight_bag, kind, tmp_path)
+    replay(ReplayJob(bag, tmp_path / 'out.mcap', keep_input=True))
+    topics = ('/image', '/reference/image')
+    with Bag(made(keep_input=True)) as wanted, Bag(tmp_path / 'out.mcap') as found:
+        assert list(found.cdr(*topics)) == list(wanted.cdr(*topics))
+
+
+def test_inputs_of_ros_1_are_to_be_converted_first(flight_bag, tmp_path):
+    bag = in_container(flight_bag, 'bag', tmp_path)
+    with pytest.raises(BagError, match='a ROS 1 bag; convert it first: rosbags-convert'):
+        replay(ReplayJob(bag, tmp_path / 'out.mcap', keep_input=True))
+
+
+def test_options_of_the_command_reach_the_output(made, flight_bag, tmp_path):
+    out = tmp_path / 'out.mcap'
+    command = ['replay', flight_bag, '-o', out, '--compress', 'jpeg', '--keep-input']
+    assert main([str(word) for word in command]) == 0
+    assert '/image' in read(out)
+    assert '/rsmb/overlay/compressed' in read(out)
