@@ -57,7 +57,7 @@ def _mcap(source, how, target):
             stream,
             compression=_MCAP.get(how, CompressionType.ZSTD),
             use_chunking=how != 'unchunked',
-            chunk_size=20_000 if how == 'small chunks' else 1 << 20,
+            chunk_size=60_000 if how == 'small chunks' else 1 << 20,
             use_statistics=how != 'without index',
             use_summary_offsets=how != 'without index',
             repeat_channels=how != 'without index',

@@ -42,7 +42,7 @@ def check(path: Path) -> Checked:
             lines.append(text + (f', {missing} missing' if missing else ''))
             if bad or missing:
                 notes.append(f'{path}: {text}')
-        lines += recording.unchecked
+        lines += recording.damage.unchecked
     return Checked(bool(notes), [*lines, *recording.damage.notes])
 
 

@@ -21,6 +21,7 @@ class Damage:
 
     def __init__(self) -> None:
         self._told: dict[Hashable, tuple[str, int]] = {}
+        self.unchecked: list[str] = []  # what no checksum covers, for people
 
     def note(self, place: Hashable, text: str, lost: int = 0) -> None:
         """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
 import mmap
 from collections.abc import Collection, Iterator
 from contextlib import suppress
@@ -21,6 +20,7 @@ from rosbags.rosbag2.metadata import ReaderMetadata
 from .damage import Damage, Unreadable
 from .mcap_index import Contents, contents_of
 from .mcap_records import BROKEN, MESSAGE, RECORD, Chunk, beginning, content, records
+from .merging import Entry, by_time
 
 _FORMATS = {
     'ros2msg': MessageDefinitionFormat.MSG,
@@ -29,7 +29,6 @@ _FORMATS = {
     '': MessageDefinitionFormat.NONE,
 }
 _CDR = 'cdr'
-_Entry = tuple[int, int, int, int, memoryview]  # time, chunk, place in it, channel, data
 
 
 class McapStorage:
@@ -75,6 +74,12 @@ class McapStorage:
         except BaseException:
             self.close()
             raise
+        without = sum(not chunk.crc for chunk in self._contents.chunks)
+        if without or self._contents.loose:
+            self._damage.unchecked.append(
+                f'{self._name}: {without} chunks and {len(self._contents.loose)} messages outside '
+                'chunks have no CRC; damage in them cannot be told'
+            )
         count = sum(self._contents.counts.values())
         self.metadata = self.metadata._replace(message_count=count)
 
@@ -95,29 +100,30 @@ class McapStorage:
         """Iterate over connection, log time [ns] and data of the messages, by log time."""
         wanted = {connection.id: connection for connection in connections}
         first, last = start or 0, 2**64 if stop is None else stop
-        for time_ns, _, _, channel, data in self._entries(wanted):
-            if first <= time_ns < last:
-                yield wanted[channel], time_ns, bytes(data)
+        for entry in self._entries(wanted):
+            if first <= entry.time_ns < last:
+                yield wanted[entry.channel], entry.time_ns, bytes(entry.data)
 
-    def _entries(self, wanted: Collection[int]) -> Iterator[_Entry]:
+    def _entries(self, wanted: Collection[int]) -> Iterator[Entry]:
         """Iterate over the messages by log time; equal times in the order of the file."""
-        heap: list[_Entry] = self._loose(wanted)
-        heapq.heapify(heap)
         chunks = [*self._contents.chunks]
         if self._contents.cut_off is not None:
             chunks.append(self._contents.cut_off)
-        numbered = sorted(enumerate(chunks, 1), key=lambda one: (one[1].start_ns, one[0]))
-        for number, chunk in numbered:
-            if chunk.counts is not None and not any(map(chunk.counts.get, wanted)):
-                continue
-            while heap and heap[0][0] < chunk.start_ns:
-                yield heapq.heappop(heap)
-            for entry in self._of_chunk(number, chunk, wanted):
-                heapq.heappush(heap, entry)
-        while heap:
-            yield heapq.heappop(heap)
+        starts = [
+            (chunk.start_ns, number)
+            for number, chunk in enumerate(chunks)
+            if chunk.counts is None or any(map(chunk.counts.get, wanted))
+        ]
+        loose = self._loose(wanted)
+        if loose:
+            starts.append((loose[0].time_ns, -1))
 
-    def _of_chunk(self, number: int, chunk: Chunk, wanted: Collection[int]) -> list[_Entry]:
+        def load(number: int) -> list[Entry]:
+            return loose if number < 0 else self._of_chunk(number, chunks[number], wanted)
+
+        return by_time(starts, load)
+
+    def _of_chunk(self, number: int, chunk: Chunk, wanted: Collection[int]) -> list[Entry]:
         entries = []
         try:
             partly = chunk is self._contents.cut_off
@@ -126,21 +132,22 @@ class McapStorage:
                 if opcode == Opcode.MESSAGE:
                     channel, _, time_ns, _ = MESSAGE.unpack_from(record)
                     if channel in wanted:
-                        entries.append((time_ns, number, at, channel, record[MESSAGE.size :]))
+                        data = record[MESSAGE.size :]
+                        entries.append(Entry(time_ns, number, at, channel, data))
         except BROKEN as error:
             self._tell(chunk, error)
         return entries
 
-    def _loose(self, wanted: Collection[int]) -> list[_Entry]:
-        """Return the messages outside chunks; their data stays in the file."""
+    def _loose(self, wanted: Collection[int]) -> list[Entry]:
+        """Return the messages outside chunks by time; their data stays in the file."""
         entries = []
         for time_ns, channel, at in self._contents.loose:
             if channel in wanted:
                 _, length = RECORD.unpack_from(self._data, at)
                 first = at + RECORD.size
                 data = self._data[first + MESSAGE.size : first + length]
-                entries.append((time_ns, 0, at, channel, data))
-        return entries
+                entries.append(Entry(time_ns, -1, at, channel, data))
+        return sorted(entries)
 
     def _tell(self, chunk: Chunk, error: BaseException) -> None:
         names = {connection.id: connection.topic for connection in self.connections}

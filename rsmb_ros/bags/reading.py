@@ -75,6 +75,8 @@ class Bag(Recording):
         )
         if not any(topic.count for topic in self.topics):
             self._reader.close()
+            if self.damage:
+                raise BagError(f'{path}: none of its messages can be read; copy the file again')
             raise BagError(f'{path}: the bag has no messages; record it again')
 
     def close(self) -> None:

@@ -96,7 +96,6 @@ class Recording(ABC):
         self.path = path
         self.skipped: Counter[str] = Counter()  # topic -> images that could not be read
         self.damage = Damage()  # what of the file could not be read at all
-        self.unchecked: list[str] = []  # what no checksum covers, for people
 
     def __enter__(self: AnyRecording) -> AnyRecording:
         return self

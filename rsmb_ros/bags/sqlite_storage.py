@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import sqlite3
 from collections.abc import Collection, Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from urllib.parse import quote
 
 from rosbags.interfaces import (
@@ -18,6 +21,8 @@ from rosbags.rosbag2.metadata import ReaderMetadata
 from .damage import Damage, Unreadable
 
 _FORMATS = {'ros2msg': MessageDefinitionFormat.MSG, 'ros2idl': MessageDefinitionFormat.IDL}
+_MAGIC = b'SQLite format 3\0'
+_HEADER = 100  # bytes
 _WIDEST_GAP = 1 << 24  # rows that are skipped at once behind a damaged page, at most
 
 
@@ -40,6 +45,7 @@ class SqliteStorage:
         self._damage = damage
         self._rows: list[tuple[int, int, int]] = []  # log time, id, topic; by log time
         self._database: sqlite3.Connection | None = None
+        self._copy: TemporaryDirectory[str] | None = None
 
     def open(self) -> None:
         """
@@ -55,9 +61,8 @@ class SqliteStorage:
         log = self.path.with_name(self.path.name + '-wal').exists()
         mode = 'mode=ro' if log else 'mode=ro&immutable=1'
         try:
-            self._database = sqlite3.connect(f'file:{quote(str(self.path))}?{mode}', uri=True)
-            # else a file that is cut off cannot be opened
-            self._database.execute('PRAGMA writable_schema = ON')
+            path = self._whole_pages()
+            self._database = sqlite3.connect(f'file:{quote(str(path))}?{mode}', uri=True)
             self._database.text_factory = lambda text: text.decode('utf-8', 'replace')
             topics = self._topics()
         except sqlite3.Error as error:
@@ -70,8 +75,42 @@ class SqliteStorage:
         self.connections = [one._replace(msgcount=counts.get(one.id, 0)) for one in topics]
         self.metadata = self.metadata._replace(message_count=len(self._rows))
 
+    def _whole_pages(self) -> Path:
+        """
+        Return a file with the pages that are there, and no claim of more.
+
+        Of a file that is cut off this is a copy: sqlite takes what is missing for zeros.
+        """
+        with self.path.open('rb') as stream:
+            header = stream.read(_HEADER)
+            size = os.fstat(stream.fileno()).st_size
+        if len(header) < _HEADER or not header.startswith(_MAGIC):
+            raise Unreadable('its first bytes are not those of a .db3')
+        page = int.from_bytes(header[16:18], 'big')
+        page = 65536 if page == 1 else page  # which has two bytes
+        claimed = int.from_bytes(header[28:32], 'big')
+        known = header[24:28] == header[92:96]  # else the number of pages is an old one
+        if page < 512 or not known or size >= page * claimed:
+            return self.path
+        self._damage.note(
+            (str(self.path), 'size'),
+            f'{self.path}: the file is cut off, {size} of {page * claimed} bytes; the messages '
+            'that are whole are read from a copy',
+        )
+        self._copy = TemporaryDirectory(prefix='rsmb-')
+        copy = Path(self._copy.name) / self.path.name
+        shutil.copyfile(self.path, copy)
+        with copy.open('r+b') as stream:
+            stream.truncate(size // page * page)
+            stream.seek(28)
+            stream.write((size // page).to_bytes(4, 'big'))
+        return copy
+
     def close(self) -> None:
         """Close the file."""
+        if self._copy is not None:
+            self._copy.cleanup()
+            self._copy = None
         if self._database is not None:
             self._database.close()
             self._database = None

@@ -16,6 +16,7 @@ from rosbags.typesys import Stores, get_typestore
 from .damage import Damage
 from .mcap_storage import McapStorage
 from .names import by_number
+from .rosbag1_scan import Rosbag1Scan
 from .sqlite_storage import SqliteStorage
 
 STORED = ('.mcap', '.db3')
@@ -50,6 +51,24 @@ def open_reader(path: Path, damage: Damage) -> AnyReader:
     reader = AnyReader(files, default_typestore=get_typestore(Stores.ROS2_JAZZY))
     if reader.is2:
         reader.readers = [_File(file, damage) for file in files]
+    try:
+        reader.open()
+    except Exception as error:
+        if reader.is2:
+            raise
+        reader = _without_index(path, damage, error)
+    if any(file.suffix != '.mcap' for file in files if file.is_file()):
+        damage.unchecked.append(f'{path}: has no CRC; damage inside of messages cannot be told')
+    return reader
+
+
+def _without_index(path: Path, damage: Damage, error: Exception) -> AnyReader:
+    """Open a ROS 1 bag whose index is missing or damaged."""
+    reason = str(error).rstrip('.')
+    damage.note(path, f'{path}: {reason}; the file is walked through')
+    reader = AnyReader([path])
+    scan: Any = Rosbag1Scan(path, damage)
+    reader.readers = [scan]
     reader.open()
     return reader
 

@@ -21,9 +21,8 @@ def add_output_options(parser: argparse.ArgumentParser) -> None:
         '-o',
         '--output',
         type=mcap_path,
-        required=True,
         metavar='OUT.mcap',
-        help='everything the node would publish, under /rsmb/',
+        help='everything the node would publish, under /rsmb/; needed unless --check',
     )
     files.add_argument(
         '--compress',

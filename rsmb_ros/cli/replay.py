@@ -8,6 +8,8 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import TypeVar
 
+from rsmb_ros.bags.check import check
+from rsmb_ros.core.errors import ConfigError
 from rsmb_ros.replay.job import MOST_WORKERS, ReplayJob, replay
 from rsmb_ros.replay.selection import Selection
 
@@ -28,6 +30,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar='BAG',
         help='rosbag2 folder, .mcap, .db3, ROS 1 .bag, video file or folder of .png or .jpg images',
+    )
+    parser.add_argument(
+        '--check',
+        action='store_true',
+        help='replay nothing: read every message, compare every checksum, decode every image; '
+        'exit code 1 if the recording is damaged',
     )
     _add_input_options(parser)
     add_output_options(parser)
@@ -80,6 +88,10 @@ def _add_input_options(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replay the recording and say in one line what came out."""
+    if args.check:
+        return _check(args)
+    if args.output is None:
+        raise ConfigError('-o OUT.mcap is missing: where to write; or --check to write nothing')
     job = ReplayJob(
         source=args.bag,
         reference=args.reference,
@@ -94,6 +106,15 @@ def run(args: argparse.Namespace) -> int:
     summary = replay(job, watched)
     print(f'{summary.line()} -> {args.output}')
     return 0
+
+
+def _check(args: argparse.Namespace) -> int:
+    """Say topic by topic whether the recording is whole."""
+    if args.output is not None:
+        raise ConfigError(f'--check writes nothing: leave -o {args.output}')
+    checked = check(args.bag)
+    print('\n'.join([*checked.lines, f'{args.bag}: {"damaged" if checked.damaged else "whole"}']))
+    return 1 if checked.damaged else 0
 
 
 def _time_ns(text: str) -> int:

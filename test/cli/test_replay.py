@@ -250,6 +250,52 @@ def test_ctrl_c_waits_for_the_frame_in_work(replay, flight_bag, monkeypatch):
     assert signal.getsignal(signal.SIGINT) is before
 
 
+def test_part_of_a_bag_against_one_of_its_frames_by_two_workers(
+    replay, flight, flight_bag, tmp_path
+):
+    options = ['--reference', '@0', '--start', '0.2', '--stride', '2', '--max-frames', '2']
+    masks = []
+    for workers in (1, 2):
+        done, out = replay(flight_bag, *options, '--workers', workers)
+        assert (done.code, done.err) == (0, '')
+        masks.append(images_of(out, '/rsmb/change_mask'))
+        assert list(masks[-1]) == flight.stamps()[1::2]
+    for one, other in zip(masks[0].values(), masks[1].values(), strict=True):
+        assert one.tobytes() == other.tobytes()
+
+
+def test_folder_of_images_is_replayed(replay, image_files):
+    options = ['--reference', image_files / 'reference.png', '--rate', '2', '--max-frames', '3']
+    done, out = replay(image_files, *options)
+    assert done.code == 0
+    # live_0, live_1, live_2
+    assert list(images_of(out, '/rsmb/change_mask')) == [0, 500_000_000, 1_000_000_000]
+
+
+def test_bag_cut_off_is_replayed_as_far_as_it_goes(replay, flight_bag, tmp_path, caplog):
+    path = tmp_path / 'cut.mcap'
+    data = flight_bag.read_bytes()
+    path.write_bytes(data[: len(data) - 400])  # within the index
+    done, out = replay(path)
+    assert done.code == 0
+    assert len(images_of(out, '/rsmb/change_mask')) == 4
+    assert 'frames: 4, 0 more could not be read, the file is damaged' in done.out
+    assert f'{path}: no index: the file is cut off' in caplog.text
+
+
+def test_check_writes_nothing_and_tells_by_its_code(rsmb, flight_bag, tmp_path):
+    done = rsmb('replay', '--check', flight_bag)
+    assert (done.code, done.err) == (0, '')
+    assert '/image/compressed (sensor_msgs/msg/CompressedImage): 4 of 4 messages whole' in done.out
+    assert done.out.endswith(f'{flight_bag}: whole\n')
+    data = bytearray(flight_bag.read_bytes())
+    data[len(data) // 3] ^= 1
+    (tmp_path / 'hurt.mcap').write_bytes(data)
+    done = rsmb('replay', '--check', tmp_path / 'hurt.mcap')
+    assert done.code == 1
+    assert 'hurt.mcap: damaged' in done.out
+
+
 # -- bad input ---------------------------------------------------------------------------------
 
 
@@ -294,6 +340,24 @@ def test_bag_is_never_written_over_itself(rsmb, flight_bag):
     assert done.code == 2
     assert 'is the bag to be read; choose another name' in done.err
     assert flight_bag.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ('options', 'told'),
+    [
+        ([], '-o OUT.mcap is missing: where to write; or --check to write nothing'),
+        (['--check', '-o', 'o.mcap'], '--check writes nothing: leave -o o.mcap'),
+        (['-o', 'o.mcap', '--start', '1e99'], "'1e99' must be seconds, from 0 to 9999999999"),
+        (['-o', 'o.mcap', '--start', '70'], '--start 70 s: no frame of /image/compressed'),
+        (['-o', 'o.mcap', '--workers', '0'], "'0' must be a number from 1 to 256"),
+        (['-o', 'o.mcap', '--rate', '5'], 'is a bag, whose frames have stamps'),
+        (['-o', 'o.mcap', '--workers', '2', '--set', 'stream.hold=true'], 'use --workers 1'),
+    ],
+)
+def test_wrong_usage_is_told(rsmb, flight_bag, options, told):
+    done = rsmb('replay', flight_bag, *options)
+    assert done.code == 2
+    assert told in ' '.join(done.err.split())
 
 
 def test_output_must_be_an_mcap(rsmb, flight_bag, tmp_path):

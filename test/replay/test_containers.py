@@ -82,8 +82,9 @@ def other_bags():
 def test_real_bags_are_read_to_the_end(other_bags, name):
     report = check(other_bags / name)
     assert not report.damaged, report.lines
-    assert len(report.lines) > 1
-    assert all(re.search(r': (\d+) of \1 messages whole$', line) for line in report.lines)
+    topics = [line for line in report.lines if '/msg/' in line]
+    assert topics
+    assert all(re.search(r': (\d+) of \1 messages whole$', line) for line in topics)
 
 
 @pytest.mark.parametrize('name', [name for name, images in OTHERS.items() if images])
