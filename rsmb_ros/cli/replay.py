@@ -103,7 +103,10 @@ def run(args: argparse.Namespace) -> int:
         workers=args.workers,
         **output_options(args),
     )
-    summary = replay(job, watched)
+    try:
+        summary = replay(job, watched)
+    except KeyboardInterrupt as error:
+        raise KeyboardInterrupt('--resume goes on with it') from error
     print(f'{summary.line()} -> {args.output}')
     return 0
 

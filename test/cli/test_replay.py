@@ -226,6 +226,7 @@ def test_interrupted_replay_leaves_a_readable_bag(replay, flight_bag, monkeypatc
     monkeypatch.setattr(detection, 'Detector', Interrupted)
     done, out = replay(flight_bag, '--csv', tmp_path / 'r.csv', '--report', tmp_path / 'r.html')
     assert done.code == 130
+    assert 'interrupted; what was finished is kept; --resume goes on with it' in done.err
     assert len(images_of(out, '/rsmb/change_mask')) == 2
     assert len((tmp_path / 'r.csv').read_text().splitlines()) >= 3
     assert '</html>' in (tmp_path / 'r.html').read_text()

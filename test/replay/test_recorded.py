@@ -243,18 +243,27 @@ def strings(value):
         yield value
 
 
-def test_layout_shows_only_what_a_replay_writes():
-    layout = json.loads(LAYOUT.read_text())
+@pytest.mark.parametrize(('name', 'compress'), [('foxglove', None), ('foxglove_compressed', 'png')])
+def test_layout_shows_only_what_a_replay_writes(name, compress):
+    layout = json.loads(LAYOUT.with_name(f'{name}.json').read_text())
     topics = {
         re.match(r'/[\w/]+', text)[0]
         for panel in layout['configById'].values()
         for text in strings(panel)
         if text.startswith('/')
     }
-    written = {output.topic for output in recorded()}
-    assert topics - written == {'/image/compressed'}  # the live image, with --keep-input
-    for name in ('overlay', 'change_mask', 'registered', 'row_motion', 'diagnostics', 'regions'):
-        assert f'/rsmb/{name}' in topics
+    names = {output.topic: output.name for output in recorded(compress)}
+    assert topics - set(names) == {'/image/compressed'}  # the live image, with --keep-input
+    shown = {names[topic] for topic in topics if topic in names}
+    wanted = {'overlay', 'change_mask', 'registered', 'row_motion', 'diagnostics', 'regions'}
+    assert wanted <= shown
+
+
+def test_layouts_differ_only_in_the_names_of_images():
+    text = LAYOUT.read_text()
+    for raw, small in zip(recorded(), recorded('jpeg'), strict=True):
+        text = text.replace(f'"{raw.topic}"', f'"{small.topic}"')
+    assert LAYOUT.with_name('foxglove_compressed.json').read_text() == text
 
 
 def test_layout_places_every_panel_once():
