@@ -5,16 +5,18 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from rsmb_ros.bags.reading import Bag
-from rsmb_ros.bags.recording import BagFrame
+from rsmb_ros.bags.recording import CAMERA_INFO, BagFrame
 from rsmb_ros.core.config import Config
 from rsmb_ros.core.errors import BagError, ConfigError
 from rsmb_ros.core.types import Region, Result
 from rsmb_ros.messages.as_json import to_json
+from rsmb_ros.messages.camera_info import Intrinsics, intrinsics_from_msg
 
 from .fixes import NAV_SAT_FIX, NoPlace, Track
 from .ground import View
@@ -73,6 +75,7 @@ class Flight:
 
     track: Track
     focal_px: float  # [px]
+    width: int = 0  # of the images it is for [px]; 0: not told
 
 
 class GeoJsonSink:
@@ -90,7 +93,7 @@ class GeoJsonSink:
     """
 
     def __init__(self, options: GeoOptions, flight: Flight) -> None:
-        self._options, self._track, self._focal_px = options, flight.track, flight.focal_px
+        self._options, self._flight = options, flight
         head = to_json({'type': 'FeatureCollection', 'assumptions': ASSUMPTIONS})
         self._file = TextFile(options.path, f'{head[:-1]}, "features": [{_END}')
         self._first = True
@@ -101,7 +104,7 @@ class GeoJsonSink:
         if not result.changes:
             return
         try:
-            view: View | str = self._view(frame.stamp_ns)
+            view: View | str = self._view(frame)
         except NoPlace as reason:
             view = str(reason)
             self._unplaced.append(f'frame {frame.index}: {reason}')
@@ -119,8 +122,14 @@ class GeoJsonSink:
                 '%s: %d frames with changes have no place: %s', self._options.path, count, first
             )
 
-    def _view(self, stamp: int) -> View:
-        given, fix = self._options, self._track.at(stamp)
+    def _view(self, frame: BagFrame) -> View:
+        width, track = self._flight.width, self._flight.track
+        if width not in (0, frame.image.shape[1]):
+            raise NoPlace(
+                f'camera_info is of images {width} px wide, the frame has '
+                f'{frame.image.shape[1]} px: give --set camera.focal_px=VALUE'
+            )
+        given, fix = self._options, track.at(frame.stamp_ns)
         height, ground = given.height, given.ground_altitude
         if height is None:
             assert ground is not None
@@ -131,7 +140,7 @@ class GeoJsonSink:
                     f'of the ground {ground:g} m'
                 )
         heading = given.heading
-        turn = self._track.course(stamp) if heading == COURSE else float(heading or 0.0)
+        turn = track.course(frame.stamp_ns) if heading == COURSE else float(heading or 0.0)
         return View(fix.latitude, fix.longitude, height, turn, ground or 0.0)
 
     def _feature(self, frame: BagFrame, region: Region, view: View | str) -> dict[str, Any]:
@@ -147,14 +156,14 @@ class GeoJsonSink:
         if isinstance(view, str):
             properties |= {'area_m2': None, 'no_place': view}
             return {'type': 'Feature', 'geometry': None, 'properties': properties}
-        metres = view.height / self._focal_px
+        metres = view.height / self._flight.focal_px
         properties |= {
             'area_m2': round(region.area * metres**2, 4),
             'height_m': round(view.height, 3),
             'heading_deg': round(view.heading, 3),
         }
         corners = _corners(region)
-        ring = view.positions(corners, frame.image.shape, self._focal_px)
+        ring = view.positions(corners, frame.image.shape, self._flight.focal_px)
         places = [[round(x, _DIGITS), round(y, _DIGITS)] for x, y in (*ring, ring[0])]
         geometry = {'type': 'Polygon', 'coordinates': [places]}
         return {'type': 'Feature', 'geometry': geometry, 'properties': properties}
@@ -172,17 +181,20 @@ def flight_of(bag: Bag, options: GeoOptions, config: Config) -> Flight:
         If the focal length is not known.
 
     """
-    focal_px = config.camera.focal_px or bag.focal_px()
+    lens = _lens(bag)
+    focal_px = config.camera.focal_px or (lens.focal_px if lens else 0.0)
     if not focal_px:
         raise ConfigError(
             f'--geojson needs the focal length: {bag.path} has not one topic of '
             'sensor_msgs/CameraInfo that tells it; give --set camera.focal_px=VALUE'
         )
+    if lens and lens.distorted:
+        _log.warning('%s: camera_info tells of a lens that distorts: places are off', bag.path)
     topic = fix_topic(options, bag)
     track = Track(message for _, _, message in bag.messages(topic))
     if not len(track):
         raise BagError(f'{bag.path}: --geojson: no message of {topic} has a fix')
-    return Flight(track, focal_px)
+    return Flight(track, focal_px, 0 if config.camera.focal_px or not lens else lens.width)
 
 
 def fix_topic(options: GeoOptions, bag: Bag) -> str:
@@ -198,6 +210,19 @@ def fix_topic(options: GeoOptions, bag: Bag) -> str:
         remedy = 'give one with --fix TOPIC' if found else 'it cannot be placed on the earth'
         raise BagError(f'{bag.path}: --geojson: {problem} of {NAV_SAT_FIX}; {remedy}')
     return found[0]
+
+
+def _lens(bag: Bag) -> Intrinsics | None:
+    """Return what the first camera_info tells; None without one, or with several topics of it."""
+    if bag.focal_px() is None:
+        return None
+    (topic,) = (one for one in bag.topics if one.type == CAMERA_INFO and one.count)
+    _, _, message = next(bag.messages(topic.name))
+    if hasattr(message, 'K'):  # as ROS 1 calls them
+        same = ('binning_x', 'roi', 'width')
+        values = {name: getattr(message, name) for name in same}
+        message = SimpleNamespace(k=message.K, d=message.D, **values)
+    return intrinsics_from_msg(message)
 
 
 def _corners(region: Region) -> np.ndarray:

@@ -53,16 +53,17 @@ class RecordingSink:
         self._written = 0 if stored is None else len(stored)
 
     def take(self, frame: BagFrame, reference: np.ndarray, result: Result) -> None:
-        """Write the outputs of one frame, at its stamp."""
+        """Write the outputs of one frame, at its stamp, or beside its inputs."""
         is_new = self._written == 0
         if self._copier:
             self._copier.write(self._writer if is_new else None)
         if not is_new:
             self._written -= 1
             return
-        stamp_ns = frame.stamp_ns or frame.log_time_ns
+        # beside its inputs at their time: stamps may be of another clock
+        time_ns = frame.log_time_ns if self._copier else frame.time_ns
         for output in self._outputs:
-            self._writer.write(output.topic, output.build(frame, result), stamp_ns)
+            self._writer.write(output.topic, output.build(frame, result), time_ns)
         self._writer.flush()
 
     def close(self) -> None:

@@ -33,7 +33,7 @@ def refuse_unfinished(output: Path) -> None:
         stored = None
     held = f'{len(stored)} frames' if stored else 'no whole frame'
     raise ConfigError(
-        f'{part} is left of a replay that was not finished, with {held}; '
+        f'{part} is left of a recording that was not finished, with {held}; '
         f'go on with --resume, or delete it to start again'
     )
 

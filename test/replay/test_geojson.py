@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from containers import in_container
 from small_flight import COLS, ROWS, START_NS, STEP_NS
 
 from rsmb_ros.bags.typestore import new
@@ -41,7 +42,7 @@ def fix_message(factory, stamp_ns, north=0.0, altitude=480.0):
 def make_bag(photos, factory, tmp_path_factory):
     """Return a maker of flights with fixes at 10 Hz on some topics; it flies north."""
 
-    def make(topics=('/fix',), speed=4.0, camera_info=True):
+    def make(topics=('/fix',), speed=4.0, camera_info=True, width=COLS, distortion=0.0):
         path = tmp_path_factory.mktemp('fixes') / 'flight.mcap'
         with BagWriter(path) as bag:
             for n in range(-10, 30):
@@ -52,7 +53,8 @@ def make_bag(photos, factory, tmp_path_factory):
                 time_ns = START_NS + n * STEP_NS
                 header = factory.header(time_ns, 'cam')
                 if camera_info:
-                    info = factory.camera_info(header, photo.shape, 200.0)
+                    info = factory.camera_info(header, (ROWS, width), 200.0)
+                    info.d[0] = distortion
                     bag.write('/camera_info', info, time_ns)
                 topic = '/image' if n else '/reference/image'
                 bag.write(topic, factory.image(header, photo), time_ns)
@@ -157,6 +159,31 @@ def test_changes_of_a_flight_are_on_the_map(make_bag, tmp_path):
         (ring,) = feature['geometry']['coordinates']
         reach = 0.25 * max(ROWS, COLS)  # m, 0.25 m/px
         assert np.abs([metres(place, 4 * time_s) for place in ring]).max() < reach
+
+
+@pytest.mark.parametrize('kind', ['bag', 'folder db3'])
+def test_map_is_that_of_the_bag_in_every_container(make_bag, tmp_path, kind):
+    bag = make_bag()
+    for name, source in (('one', bag), ('two', in_container(bag, kind, tmp_path))):
+        options = GeoOptions(tmp_path / f'{name}.geojson', heading=COURSE, height=50.0)
+        replay(ReplayJob(source, tmp_path / f'{name}.mcap', geojson=options))
+    assert (tmp_path / 'one.geojson').read_bytes() == (tmp_path / 'two.geojson').read_bytes()
+
+
+def test_focal_length_of_other_images_gives_no_place(make_bag, tmp_path, caplog):
+    bag = make_bag(width=2 * COLS)
+    options = GeoOptions(tmp_path / 'o.geojson', heading=0.0, height=50.0)
+    replay(ReplayJob(bag, tmp_path / 'o.mcap', geojson=options))
+    assert {str(feature['geometry']) for feature in features(options.path)} == {'None'}
+    assert f'camera_info is of images {2 * COLS} px wide, the frame has {COLS} px' in caplog.text
+    replay(ReplayJob(bag, tmp_path / 'o.mcap', geojson=options, config=FOCAL))
+    assert all(feature['geometry'] for feature in features(options.path))
+
+
+def test_lens_that_distorts_is_told(make_bag, tmp_path, caplog):
+    options = GeoOptions(tmp_path / 'o.geojson', heading=0.0, height=50.0)
+    replay(ReplayJob(make_bag(distortion=-0.2), tmp_path / 'o.mcap', geojson=options))
+    assert 'camera_info tells of a lens that distorts: places are off' in caplog.text
 
 
 def test_file_is_whole_after_every_frame(tmp_path):

@@ -193,6 +193,19 @@ def test_inputs_are_kept_byte_by_byte(made, flight_bag):
     assert masks_of(made(keep_input=True)).keys() == masks_of(made()).keys()
 
 
+def test_outputs_stand_beside_their_inputs_whatever_the_stamps(photos, factory, tmp_path):
+    bag = tmp_path / 'bag.mcap'
+    with BagWriter(bag) as writer:
+        for n, photo in enumerate(photos):
+            topic = '/image' if n else '/reference/image'
+            writer.write(topic, factory.image(factory.header(n, ''), photo), START_NS + n)
+    replay(ReplayJob(bag, tmp_path / 'out.mcap', keep_input=True))
+    with Bag(tmp_path / 'out.mcap') as found:
+        for topic in ('/image', '/rsmb/overlay', '/rsmb/diagnostics'):
+            times = [(frame[1], frame[2].header.stamp.nanosec) for frame in found.messages(topic)]
+            assert times == [(START_NS + n, n) for n in range(1, 7)]
+
+
 def test_output_with_its_inputs_can_be_replayed_again(made, flight_bag, tmp_path):
     replay(ReplayJob(made(keep_input=True), tmp_path / 'o.mcap', topic='/image'))
     for before, after in zip(masks_of(made()).values(), masks_of(tmp_path / 'o.mcap').values(),
