@@ -81,7 +81,7 @@ def test_worker_that_dies_is_told(photos):
     with WorkerPool(1, None, Config(), None) as pool:
         os.kill(pool._workers[0]._process.pid, signal.SIGKILL)
         asked = pool.submit(Reference(0, photos[0]), photos[1])
-        with pytest.raises(RsmbError, match=r'worker 0 .* exit code -9 .*fewer --workers'):
+        with pytest.raises(RsmbError, match=r'worker 0 .* exit code -9 .*use fewer --workers'):
             asked.result(60)
 
 
