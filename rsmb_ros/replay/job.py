@@ -13,7 +13,7 @@ import numpy as np
 
 from rsmb_ros.bags.opening import open_recording
 from rsmb_ros.bags.recording import Recording, Topic
-from rsmb_ros.core import Camera, Config
+from rsmb_ros.core import Config
 from rsmb_ros.core.errors import BagError, ConfigError
 
 from .detection import Compared, detected, detected_by
@@ -176,18 +176,16 @@ def _results(
     given: Sources,
     stack: ExitStack,
 ) -> Iterator[Compared]:
-    focal_px = recording.focal_px()
-    camera = None if focal_px is None else Camera(focal_px)
     both = pairs(recording, live, reference, picker, only_one=job.depth is not None)
 
     def detect(some: Pairs) -> Iterator[Compared]:
         if pool is None:
-            return detected(some, recording, camera, job.config, job.depth)
+            return detected(some, recording, given.camera, job.config, job.depth)
         return detected_by(pool, some, recording, job.config)
 
     pool = None
     if job.workers > 1:
-        pool = stack.enter_context(WorkerPool(job.workers, camera, job.config, job.depth))
+        pool = stack.enter_context(WorkerPool(job.workers, given.camera, job.config, job.depth))
     # where frames depend on those before, they are computed again, but not written again
     if given.stored and not depends_on_earlier(job.config):
         return spliced(given.stored, both, detect)

@@ -12,6 +12,7 @@ import numpy as np
 from rsmb_ros.bags.reading import Bag
 from rsmb_ros.bags.recording import CAMERA_INFO, Recording, Topic
 from rsmb_ros.bags.writing import provenance
+from rsmb_ros.core import Camera
 from rsmb_ros.core.errors import ConfigError
 
 from .copying import Copier
@@ -31,8 +32,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sources:
-    """What the sinks need beside frames and results; made before the work begins."""
+    """What detector and sinks need beside the frames; made before the work begins."""
 
+    camera: Camera | None  # what the recording says of it
     notes: Mapping[str, str]
     stored: StoredFrames | None  # what an earlier replay has left
     flight: Flight | None
@@ -47,7 +49,7 @@ def sources(
     stack: ExitStack,
 ) -> Sources:
     """
-    Read what the sinks of a job will need; what is opened is closed with `stack`.
+    Read what a job will need; what is opened is closed with `stack`.
 
     Raises
     ------
@@ -55,6 +57,8 @@ def sources(
         If the recording does not hold it, or the job cannot go on with what is there.
 
     """
+    focal_px = recording.focal_px()
+    camera = None if focal_px is None else Camera(focal_px)
     flight = copier = None
     if job.geojson:
         flight = flight_of(_bag(recording, '--geojson'), job.geojson, job.config)
@@ -63,7 +67,7 @@ def sources(
         stack.callback(copier.close)
     notes = job.notes(live, reference)
     stored = unfinished(job.output, provenance(job.config) | notes) if job.resume else None
-    return Sources(notes, stored, flight, copier)
+    return Sources(camera, notes, stored, flight, copier)
 
 
 def open_sinks(job: ReplayJob, given: Sources, summary: Summary, total: int) -> Iterator[Sink]:
