@@ -12,6 +12,7 @@ from rsmb_ros.bags.check import check
 from rsmb_ros.core.errors import ConfigError
 from rsmb_ros.replay.job import MOST_WORKERS, ReplayJob, replay
 from rsmb_ros.replay.selection import Selection
+from rsmb_ros.replay.targets import check_targets
 
 from .depth_file import add_depth_options, load_depth
 from .interrupt import Interrupt
@@ -103,6 +104,8 @@ def run(args: argparse.Namespace) -> int:
         workers=args.workers,
         **output_options(args),
     )
+    given = {'--config': args.config, '--depth': args.depth}
+    check_targets(job.targets(), {name: path for name, path in given.items() if path})
     try:
         summary = replay(job, watched)
     except KeyboardInterrupt as error:

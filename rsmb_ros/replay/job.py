@@ -26,7 +26,7 @@ from .selection import Picker, Selection
 from .sinks import Sink
 from .stored import spliced
 from .summary import Summary
-from .targets import check_targets
+from .targets import check_targets, paths_named
 from .unfinished import depends_on_earlier, refuse_unfinished
 from .workers import WorkerPool
 from .writing import Writing
@@ -82,8 +82,8 @@ class ReplayJob:
 
     def __post_init__(self) -> None:
         inputs = {'the bag': self.source}
-        if self.reference and Path(self.reference).is_file():
-            inputs['the reference'] = Path(self.reference)
+        for path in paths_named(self.reference or ''):
+            inputs['the reference'] = path
         check_targets(self.targets(), inputs)
         if not self.resume:
             refuse_unfinished(self.output)

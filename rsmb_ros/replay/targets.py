@@ -38,6 +38,13 @@ def check_targets(targets: Mapping[str, Path], inputs: Mapping[str, Path]) -> No
         _check_writable(path)
 
 
+def paths_named(reference: str) -> list[Path]:
+    """Return what exists of the paths in ``FILE``, ``FILE@WHICH`` or ``FILE:TOPIC@WHICH``."""
+    where = reference.rpartition('@')[0]
+    names = (reference, where, where.rpartition(':')[0])
+    return [Path(name) for name in names if name and Path(name).exists()]
+
+
 def _is_part_of(target: Path, source: Path) -> bool:
     if target == source:
         return True

@@ -66,7 +66,10 @@ def unfinished(output: Path, wanted: Mapping[str, str]) -> StoredFrames | None:
     stored = _stored(place)
     if stored is None:
         return None
-    differences = _differences(stored.scan.metadata.get(METADATA, {}), wanted)
+    held = stored.scan.metadata.get(METADATA, {})
+    if not set(wanted) & set(held) - {'version', 'config'}:
+        raise ConfigError(f'--resume: {place} was not written by rsmb replay; choose another -o')
+    differences = _differences(held, wanted)
     if differences:
         raise ConfigError(
             f'--resume: {place} was made otherwise: {"; ".join(differences)}; '

@@ -206,6 +206,15 @@ def test_another_input_is_refused(flight_bag, photos, factory, cut_off, tmp_path
         replay(job(other, folder, keep_input=True, resume=True))
 
 
+def test_other_recordings_of_ours_are_refused(flight_bag, photos, factory, tmp_path):
+    with BagWriter(tmp_path / 'out.mcap', Config()) as bag:
+        bag.write('/image', factory.image(factory.header(1, ''), photos[0]), 1)
+    before = (tmp_path / 'out.mcap').read_bytes()
+    with pytest.raises(ConfigError, match=r'out\.mcap was not written by rsmb replay'):
+        replay(job(flight_bag, tmp_path, resume=True))
+    assert (tmp_path / 'out.mcap').read_bytes() == before
+
+
 def test_file_of_another_program_is_refused(flight_bag, tmp_path):
     (tmp_path / 'out.mcap').write_bytes(b'SQLite format 3\0')
     with pytest.raises(BagError, match=r'out\.mcap: no \.mcap file'):

@@ -1,12 +1,15 @@
 """What cannot be written is told before the work begins."""
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
 
+from rsmb_ros.cli.main import main
 from rsmb_ros.core.errors import ConfigError, FileProblem
-from rsmb_ros.replay.targets import check_targets
+from rsmb_ros.replay.job import ReplayJob
+from rsmb_ros.replay.targets import check_targets, paths_named
 
 
 def test_files_in_a_folder_that_is_there_are_fine(tmp_path):
@@ -71,3 +74,26 @@ def test_two_outputs_are_never_one_file(tmp_path):
     path = tmp_path / 'same'
     with pytest.raises(ConfigError, match=r'--jsonl \S+same is also that of --csv'):
         check_targets({'--csv': path, '--jsonl': tmp_path / '.' / 'same'}, {})
+
+
+@pytest.mark.parametrize('reference', ['{}', '{}@0', '{}:/image@1.5', '/image@0', '/image', '@3'])
+def test_files_in_a_reference_are_found(tmp_path, reference):
+    (tmp_path / 'other.mcap').write_text('data')
+    found = paths_named(reference.format(tmp_path / 'other.mcap'))
+    assert found == ([tmp_path / 'other.mcap'] if '{}' in reference else [])
+
+
+def test_recording_of_the_reference_is_not_replaced(flight_bag, tmp_path):
+    other = tmp_path / 'other.mcap'
+    shutil.copy(flight_bag, other)
+    with pytest.raises(ConfigError, match='is the reference to be read; choose another name'):
+        ReplayJob(flight_bag, other, reference=f'{other}@0')
+
+
+def test_configuration_is_not_replaced(flight_bag, tmp_path, capsys):
+    config = tmp_path / 'rsmb.yaml'
+    config.write_text('camera: {focal_px: 200.0}')
+    words = ['replay', flight_bag, '-o', tmp_path / 'o.mcap', '--config', config, '--csv', config]
+    assert main([str(word) for word in words]) == 2
+    assert 'is --config to be read; choose another name' in capsys.readouterr().err
+    assert config.read_text() == 'camera: {focal_px: 200.0}'
