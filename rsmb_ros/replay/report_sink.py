@@ -30,14 +30,11 @@ class ReportSink:
 
     def __init__(self, path: Path, summary: Summary, total: int) -> None:
         self._path, self._summary = path, summary
-        self._taken = 0
         self._report = Report(f'Replay of {summary.source.name}', total)
 
     def take(self, frame: BagFrame, reference: np.ndarray, result: Result) -> None:
         """Keep the pictures of a frame that will be shown."""
-        # a frame's own index may be far beyond the number of those that are replayed
-        number, self._taken = self._taken, self._taken + 1
-        if self._report.wants(number):
+        if self._report.wants(frame.index):
             pictures = {
                 'reference': reference,
                 'live': frame.image,
@@ -45,7 +42,7 @@ class ReportSink:
                 'what changed': draw_overlay(frame.image, result),
             }
             title = f'frame {frame.index}'
-            self._report.add(number, title, describe(result), pictures)
+            self._report.add(frame.index, title, describe(result), pictures)
 
     def close(self) -> None:
         """Write the page."""

@@ -8,7 +8,7 @@ from small_flight import START_NS, STEP_NS, equal_masks
 from rsmb_ros.bags.opening import open_recording
 from rsmb_ros.bags.video import Video
 from rsmb_ros.core.errors import BagError, ConfigError
-from rsmb_ros.replay.job import ReplayJob, replay
+from rsmb_ros.replay.job import ReplayJob
 from rsmb_ros.replay.selection import Selection
 
 
@@ -98,15 +98,6 @@ def test_part_of_a_bag(replayed, flight_bag, of_bag):
     assert summary.frames == 3
     assert list(masks) == [START_NS + n * STEP_NS for n in (2, 4, 6)]
     assert all(np.array_equal(mask, of_bag[stamp]) for stamp, mask in masks.items())
-
-
-def test_report_shows_a_part_from_the_middle(flight_bag, tmp_path):
-    page = tmp_path / 'page.html'
-    chosen = Selection(start_ns=4 * STEP_NS)
-    job = ReplayJob(flight_bag, tmp_path / 'o.mcap', selection=chosen, report=page)
-    assert replay(job).frames == 2
-    assert 'frame 4' in page.read_text()
-    assert 'frame 5' in page.read_text()
 
 
 def test_part_without_frames_is_wrong_usage_and_writes_nothing(replayed, flight_bag, tmp_path):
