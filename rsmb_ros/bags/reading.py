@@ -155,13 +155,13 @@ class Bag(Recording):
                 label = Label(topic, index, time_ns, stamp_ns(message.header.stamp))
                 if not wanted(label):
                     continue
-                image = decode[topic](message)
+                header, image = message.header, decode[topic](message)
+                frame_id = str(header.frame_id)
             except (MalformedMessage, *_NOT_AS_DEFINED) as error:
                 self.skipped[topic] += 1
                 _log.warning('%s: message %d of %s skipped: %s', self.path, index, topic, error)
                 continue
-            header = message.header
-            yield BagFrame(topic, index, time_ns, label.stamp_ns, header.frame_id, image, header)
+            yield BagFrame(topic, index, time_ns, label.stamp_ns, frame_id, image, header)
 
     def _stored(self, names: tuple[str, ...]) -> Iterator[tuple[str, int, Callable[[], Any]]]:
         """Iterate over topic, log time [ns] and what deserialises the message."""

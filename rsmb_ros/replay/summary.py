@@ -62,7 +62,8 @@ class Summary:
     def _damage(self) -> str:
         if not self.damaged:
             return ''
-        return f', the file is damaged: at least {self.lost} messages are lost'
+        lost = f'at least {self.lost} messages are lost' if self.lost else 'see the warnings'
+        return f', the recording is damaged: {lost}'
 
     def line(self) -> str:
         """Return the numbers in one line."""

@@ -280,7 +280,7 @@ def test_bag_cut_off_is_replayed_as_far_as_it_goes(replay, flight_bag, tmp_path,
     done, out = replay(path)
     assert done.code == 0
     assert len(images_of(out, '/rsmb/change_mask')) == 4
-    assert 'frames: 4, 0 more could not be read, the file is damaged' in done.out
+    assert 'frames: 4, 0 more could not be read, the recording is damaged: see the warn' in done.out
     assert f'{path}: no index: the file is cut off' in caplog.text
 
 
