@@ -18,6 +18,7 @@ from rsmb_ros.messages.errors import MalformedMessage
 from rsmb_ros.messages.images import image_from_compressed, image_from_msg
 from rsmb_ros.messages.stamps import stamp_ns
 
+from .damage import Damage
 from .recording import (
     CAMERA_INFO,
     COMPRESSED,
@@ -47,6 +48,8 @@ class Bag(Recording):
     ----------
     path : Path
         A rosbag2 folder, .mcap, .db3 or ROS 1 .bag.
+    damage : Damage, optional
+        That of another reader of the same bag: what is lost is told once.
 
     Raises
     ------
@@ -55,8 +58,9 @@ class Bag(Recording):
 
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, damage: Damage | None = None) -> None:
         super().__init__(path)
+        self.damage = damage or self.damage
         if not path.exists():
             raise BagError(f'{path}: no such file or folder; a bag is {FORMATS}')
         with self._translated():
@@ -151,13 +155,13 @@ class Bag(Recording):
                 label = Label(topic, index, time_ns, stamp_ns(message.header.stamp))
                 if not wanted(label):
                     continue
-                image = decode[topic](message)
+                header, image = message.header, decode[topic](message)
+                frame_id = str(header.frame_id)
             except (MalformedMessage, *_NOT_AS_DEFINED) as error:
                 self.skipped[topic] += 1
                 _log.warning('%s: message %d of %s skipped: %s', self.path, index, topic, error)
                 continue
-            header = message.header
-            yield BagFrame(topic, index, time_ns, label.stamp_ns, header.frame_id, image, header)
+            yield BagFrame(topic, index, time_ns, label.stamp_ns, frame_id, image, header)
 
     def _stored(self, names: tuple[str, ...]) -> Iterator[tuple[str, int, Callable[[], Any]]]:
         """Iterate over topic, log time [ns] and what deserialises the message."""

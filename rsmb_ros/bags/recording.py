@@ -49,7 +49,9 @@ class Label:
     """All there is to know of a frame before it is decoded."""
 
     topic: str
-    index: int  # among the messages of its topic, those that could not be read included
+    # Among the messages of its topic: those that could not be decoded included, those lost with
+    # damaged parts of the file not.
+    index: int
     log_time_ns: int  # when it was recorded [ns]
     stamp_ns: int  # of its header [ns]
 

@@ -64,6 +64,22 @@ class Rosbag1Scan:
         self._chunks: list[tuple[int, int]] = []  # time of the first message [ns], offset
 
     def __enter__(self) -> Rosbag1Scan:
+        self.open()
+        return self
+
+    def __exit__(self, *reason: object) -> None:
+        self.close()
+
+    def open(self) -> None:
+        """
+        Find out what is in the file.
+
+        Raises
+        ------
+        Unreadable
+            If it is no ROS 1 bag.
+
+        """
         with self.path.open('rb') as stream:
             self._data = memoryview(mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ))
         if bytes(self._data[: len(MAGIC)]) != MAGIC:
@@ -86,9 +102,9 @@ class Rosbag1Scan:
         self.connections = [
             one._replace(msgcount=counts[one.id]) for one in found.values() if counts[one.id]
         ]
-        return self
 
-    def __exit__(self, *reason: object) -> None:
+    def close(self) -> None:
+        """Let go of the file."""
         self._data = memoryview(b'')
 
     @property

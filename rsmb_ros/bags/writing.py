@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any
-
-import numpy as np
-from mcap.writer import CompressionType, Writer
-from rosbags.typesys import Stores, get_typestore
+from typing import Any, NamedTuple
 
 import rsmb_ros
 from rsmb_ros.core.config import Config
 from rsmb_ros.core.errors import BagError
 from rsmb_ros.messages.as_json import to_json
-from rsmb_ros.messages.factory import image_fields, rows_fields
 
-_TYPES = get_typestore(Stores.ROS2_JAZZY)
+from .factory import BagFactory
+from .mcap_file import McapFile
+from .mcap_scan import Scan
+from .typestore import definition, serialised
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
+__all__ = ['METADATA', 'BagFactory', 'BagWriter', 'Kept', 'part_of', 'provenance']
+
 METADATA = 'rsmb'  # name of the record with version and configuration
+_CHUNK_BYTES = 1 << 20  # uncompressed
 
 # What rosbag2 of Jazzy writes for a publisher; `ros2 bag play` offers its topics like this. From a
 # file without metadata of its own it takes names, not the numbers of older versions.
@@ -34,12 +43,20 @@ _QOS = """\
 """
 
 
+class Kept(NamedTuple):
+    """What is kept of an unfinished file."""
+
+    scan: Scan
+    chunks: int  # the first so many
+
+
 class BagWriter:
     """
     Writes one .mcap; a context manager.
 
     The file appears under its name when the block is left, however it is left: an interrupted
-    recording is shorter, never damaged. Until then it has the suffix ``.part``.
+    recording is shorter, never damaged. Until then it has the suffix ``.part``, and is whole up to
+    its last chunk even if the process is killed.
 
     Parameters
     ----------
@@ -47,6 +64,12 @@ class BagWriter:
         Must end in .mcap; an existing file is replaced.
     config : Config, optional
         Written into the file beside the version.
+    notes : mapping of str to str
+        Also written into it.
+    chunk_bytes : int, optional
+        A chunk ends where it is larger; None: only where `flush` is called.
+    kept : Kept, optional
+        Go on with the unfinished file after these chunks, whose configuration and notes stay.
 
     Raises
     ------
@@ -55,24 +78,58 @@ class BagWriter:
 
     """
 
-    def __init__(self, path: Path, config: Config | None = None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        config: Config | None = None,
+        notes: Mapping[str, str] | None = None,
+        chunk_bytes: int | None = _CHUNK_BYTES,
+        kept: Kept | None = None,
+    ) -> None:
         if path.suffix != '.mcap':
             raise BagError(f'{path}: an output bag must be named *.mcap')
         self.path = path
-        self._part = path.with_name(path.name + '.part')
+        self._part = part_of(path)
+        self._chunk_bytes = chunk_bytes
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
-        self._sequence: dict[str, int] = {}
+        self._failed = False
+        with self._translated():
+            self._stream = self._part.open('ab' if kept is None else 'r+b')
+        self._lock()
+        with self._translated():
+            if kept is None:
+                self._stream.truncate(0)  # not before it is ours
+                self._stream.seek(0)
+                self._file = McapFile(self._stream)
+                self._file.start('ros2', f'rsmb_ros {rsmb_ros.__version__}')
+                self._file.add_metadata(METADATA, provenance(config) | dict(notes or {}))
+                self._stream.flush()
+            else:
+                self._go_on(*kept)
+
+    def _go_on(self, scan: Scan, chunks: int) -> None:
+        """Cut the file behind its first `chunks` chunks and take over what they hold."""
+        self._stream.truncate(scan.end(chunks))
+        self._stream.seek(0, 2)
+        held = scan.contents(chunks)
+        self._schemas = {schema.name: schema.id for schema in held.schemas.values()}
+        self._channels = {channel.topic: channel.id for channel in held.channels.values()}
+        self._file = McapFile(self._stream, held)
+
+    def _lock(self) -> None:
+        """Keep other processes from writing the same file, where the system can."""
+        if fcntl is None:
+            return
         try:
-            self._stream = self._part.open('wb')
-        except OSError as error:
-            raise BagError(f'{path}: cannot be written: {error.strerror}') from error
-        self._writer = Writer(self._stream, compression=CompressionType.ZSTD)
-        self._writer.start(profile='ros2', library=f'rsmb_ros {rsmb_ros.__version__}')
-        metadata = {'version': rsmb_ros.__version__}
-        if config is not None:
-            metadata['config'] = to_json(config.nested())
-        self._writer.add_metadata(METADATA, metadata)
+            fcntl.flock(self._stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            self._stream.close()
+            raise BagError(
+                f'{self.path}: another process is writing it; wait for it, or choose another name'
+            ) from error
+        except OSError:  # a network drive without locks
+            return
 
     def __enter__(self) -> BagWriter:
         return self
@@ -83,8 +140,16 @@ class BagWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._writer.finish()
-        self._stream.close()
+        self.close()
+
+    def close(self) -> None:
+        """Finish the file and give it its name; not if it could not be written."""
+        if self._failed:
+            with suppress(OSError):  # was told already
+                self._stream.close()
+            return
+        with self._translated(), self._stream:
+            self._file.finish()
         self._part.replace(self.path)
 
     def write(self, topic: str, message: Any, log_time_ns: int, latched: bool = False) -> None:
@@ -107,94 +172,46 @@ class BagWriter:
     ) -> None:
         """Write a message of type `kind` ('std_msgs/msg/String') that is serialised already."""
         if topic not in self._channels:
-            self._channels[topic] = self._writer.register_channel(
+            self._channels[topic] = self._file.add_channel(
                 topic, 'cdr', self._schema(kind), _channel_metadata(latched)
             )
-            self._sequence[topic] = 0
-        self._writer.add_message(
-            self._channels[topic],
-            log_time=log_time_ns,
-            publish_time=log_time_ns,
-            data=data,
-            sequence=self._sequence[topic],
-        )
-        self._sequence[topic] += 1
+        self._file.add_message(self._channels[topic], log_time_ns, data)
+        if self._chunk_bytes is not None:
+            self.flush(self._chunk_bytes)
+
+    def flush(self, from_bytes: int = 0) -> None:
+        """End the chunk, if it is that large: what was written so far survives the process."""
+        if self._file.pending > from_bytes:
+            with self._translated():
+                self._file.flush()
 
     def _schema(self, kind: str) -> int:
         if kind not in self._schemas:
-            text, _ = _TYPES.generate_msgdef(kind, ros_version=2)
-            self._schemas[kind] = self._writer.register_schema(kind, 'ros2msg', text.encode())
+            text = definition(kind).encode()
+            self._schemas[kind] = self._file.add_schema(kind, 'ros2msg', text)
         return self._schemas[kind]
 
+    @contextmanager
+    def _translated(self) -> Iterator[None]:
+        """Turn what the operating system refuses into a `BagError`."""
+        try:
+            yield
+        except OSError as error:
+            self._failed = True
+            raise BagError(f'{self.path}: cannot be written: {error.strerror}') from error
 
-def serialised(message: Any) -> bytes:
-    """Return a message of `BagFactory`, or one read from a bag, as CDR: what travels over ROS 2."""
-    return bytes(_TYPES.serialize_cdr(message, message.__msgtype__))
+
+def part_of(path: Path) -> Path:
+    """Return the name that an output has until it is finished."""
+    return path.with_name(path.name + '.part')
 
 
-class BagFactory:
-    """The `MessageFactory` of recordings; also makes what recordings are made of."""
-
-    def image(self, header: Any, array: np.ndarray) -> Any:
-        """Return an Image."""
-        return self._new('sensor_msgs/msg/Image', header=header, **image_fields(array)._asdict())
-
-    def text(self, text: str) -> Any:
-        """Return a String."""
-        return self._new('std_msgs/msg/String', data=text)
-
-    def rows(self, array: np.ndarray, labels: tuple[str, ...]) -> Any:
-        """Return a Float32MultiArray."""
-        fields = rows_fields(array, labels)
-        dimensions = [
-            self._new('std_msgs/msg/MultiArrayDimension', label=label, size=size, stride=stride)
-            for label, size, stride in fields.dimensions
-        ]
-        layout = self._new('std_msgs/msg/MultiArrayLayout', dim=dimensions, data_offset=0)
-        return self._new('std_msgs/msg/Float32MultiArray', layout=layout, data=fields.data)
-
-    def header(self, stamp_ns: int, frame_id: str) -> Any:
-        """Return a Header."""
-        sec, nanosec = divmod(stamp_ns, 1_000_000_000)
-        stamp = self._new('builtin_interfaces/msg/Time', sec=sec, nanosec=nanosec)
-        return self._new('std_msgs/msg/Header', stamp=stamp, frame_id=frame_id)
-
-    def compressed(self, header: Any, data: bytes, text: str) -> Any:
-        """Return a CompressedImage of JPEG or PNG bytes; `text` is its format field."""
-        stored = np.frombuffer(data, np.uint8)
-        return self._new('sensor_msgs/msg/CompressedImage', header=header, format=text, data=stored)
-
-    def camera_info(self, header: Any, shape: tuple[int, int], focal_px: float) -> Any:
-        """Return a CameraInfo of a pinhole with its principal point at the image centre."""
-        rows, cols = shape
-        k = [focal_px, 0, (cols - 1) / 2, 0, focal_px, (rows - 1) / 2, 0, 0, 1]
-        p = [*k[:3], 0, *k[3:6], 0, *k[6:], 0]
-        region = self._new(
-            'sensor_msgs/msg/RegionOfInterest',
-            x_offset=0,
-            y_offset=0,
-            height=0,
-            width=0,
-            do_rectify=False,
-        )
-        return self._new(
-            'sensor_msgs/msg/CameraInfo',
-            header=header,
-            height=rows,
-            width=cols,
-            distortion_model='plumb_bob',
-            d=np.zeros(5),
-            k=np.array(k, np.float64),
-            r=np.eye(3).reshape(-1),
-            p=np.array(p, np.float64),
-            binning_x=0,
-            binning_y=0,
-            roi=region,
-        )
-
-    @staticmethod
-    def _new(kind: str, **fields: Any) -> Any:
-        return _TYPES.types[kind](**fields)
+def provenance(config: Config | None) -> dict[str, str]:
+    """Return what every recording says of how it was made."""
+    found = {'version': rsmb_ros.__version__}
+    if config is not None:
+        found['config'] = to_json(config.nested())
+    return found
 
 
 def _channel_metadata(latched: bool) -> dict[str, str]:

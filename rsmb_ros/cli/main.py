@@ -47,8 +47,9 @@ def main(argv: list[str] | None = None) -> int:
     except OSError as error:  # a full disk, a folder that may not be written
         where = f'{error.filename}: ' if error.filename else ''
         return _fail(f'{where}{error.strerror or error}', BAD_DATA)
-    except KeyboardInterrupt:
-        return _fail('interrupted; what was finished is kept', INTERRUPTED)
+    except KeyboardInterrupt as error:
+        hint = f'; {error}' if str(error) else ''
+        return _fail(f'interrupted; what was finished is kept{hint}', INTERRUPTED)
 
 
 def _parser(verb: str) -> argparse.ArgumentParser:

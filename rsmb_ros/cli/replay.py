@@ -12,10 +12,12 @@ from rsmb_ros.bags.check import check
 from rsmb_ros.core.errors import ConfigError
 from rsmb_ros.replay.job import MOST_WORKERS, ReplayJob, replay
 from rsmb_ros.replay.selection import Selection
+from rsmb_ros.replay.targets import check_targets
 
 from .depth_file import add_depth_options, load_depth
 from .interrupt import Interrupt
-from .options import add_config_options, frame_rate, load_config, mcap_path, within
+from .options import add_config_options, frame_rate, load_config, within
+from .output_options import add_output_options, output_options
 from .progress import progress
 
 T = TypeVar('T')
@@ -31,28 +33,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='rosbag2 folder, .mcap, .db3, ROS 1 .bag, video file or folder of .png or .jpg images',
     )
     parser.add_argument(
-        '-o',
-        '--output',
-        type=mcap_path,
-        metavar='OUT.mcap',
-        help='everything the node would publish, under /rsmb/; needed unless --check',
-    )
-    parser.add_argument(
         '--check',
         action='store_true',
         help='replay nothing: read every message, compare every checksum, decode every image; '
         'exit code 1 if the recording is damaged',
     )
     _add_input_options(parser)
-    parser.add_argument(
-        '--report', type=Path, metavar='OUT.html', help='page with pictures of the frames'
-    )
-    parser.add_argument(
-        '--csv',
-        type=Path,
-        metavar='FILE',
-        help='one line per region; a frame without regions has one line, without region',
-    )
+    add_output_options(parser)
     parser.add_argument(
         '--workers',
         type=within(int, 1, MOST_WORKERS),
@@ -108,7 +95,6 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError('-o OUT.mcap is missing: where to write; or --check to write nothing')
     job = ReplayJob(
         source=args.bag,
-        output=args.output,
         reference=args.reference,
         topic=args.topic,
         selection=Selection(args.start, args.end, args.stride, args.max_frames),
@@ -116,10 +102,14 @@ def run(args: argparse.Namespace) -> int:
         config=load_config(args),
         depth=load_depth(args),
         workers=args.workers,
-        csv=args.csv,
-        report=args.report,
+        **output_options(args),
     )
-    summary = replay(job, watched)
+    given = {'--config': args.config, '--depth': args.depth}
+    check_targets(job.targets(), {name: path for name, path in given.items() if path})
+    try:
+        summary = replay(job, watched)
+    except KeyboardInterrupt as error:
+        raise KeyboardInterrupt('--resume goes on with it') from error
     print(f'{summary.line()} -> {args.output}')
     return 0
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import Protocol, TypeVar
@@ -13,18 +13,21 @@ import numpy as np
 
 from rsmb_ros.bags.opening import open_recording
 from rsmb_ros.bags.recording import Recording, Topic
-from rsmb_ros.core import Camera, Config
+from rsmb_ros.core import Config
 from rsmb_ros.core.errors import BagError, ConfigError
 
-from .bag_sink import BagSink
-from .csv_sink import CsvSink
 from .detection import Compared, detected, detected_by
-from .pairs import pairs
+from .geojson_sink import GeoOptions
+from .notes import image_notes, input_notes, noted
+from .outlets import Sources, open_sinks, sources
+from .pairs import Pairs, pairs
 from .references import choose
-from .report_sink import ReportSink
 from .selection import Picker, Selection
 from .sinks import Sink
+from .stored import spliced
 from .summary import Summary
+from .targets import check_targets, paths_named
+from .unfinished import depends_on_earlier, refuse_unfinished
 from .workers import WorkerPool
 from .writing import Writing
 
@@ -53,7 +56,10 @@ class ReplayJob:
     Raises
     ------
     ConfigError
-        If the output is the input, or what is asked for does not go together.
+        If an output is an input or another output, what is asked for does not go together, or
+        an earlier replay was not finished.
+    FileProblem
+        If an output cannot be written.
 
     """
 
@@ -67,11 +73,20 @@ class ReplayJob:
     depth: np.ndarray | None = None  # relative depth of the only reference, see `Detector`
     workers: int = 1  # processes; 1: this one. Results do not depend on it
     csv: Path | None = None
+    jsonl: Path | None = None
+    geojson: GeoOptions | None = None
     report: Path | None = None  # HTML page
+    compress: str | None = None  # 'png' or 'jpeg': photos of the output, see `recorded`
+    keep_input: bool = False  # copy into the output what the results were made from
+    resume: bool = False  # go on with what an earlier replay has left of the output
 
     def __post_init__(self) -> None:
-        if self.source.exists() and self.output.resolve() == self.source.resolve():
-            raise ConfigError(f'-o {self.output} is the bag to be read; choose another name')
+        inputs = {'the bag': self.source}
+        for path in paths_named(self.reference or ''):
+            inputs['the reference'] = path
+        check_targets(self.targets(), inputs)
+        if not self.resume:
+            refuse_unfinished(self.output)
         if not 1 <= self.workers <= MOST_WORKERS:
             raise ConfigError(f'--workers {self.workers} must be from 1 to {MOST_WORKERS}')
         if self.workers > 1 and self.config.stream.hold:
@@ -79,6 +94,32 @@ class ReplayJob:
                 f'--workers {self.workers}: with stream.hold = true each frame needs the one '
                 'before it; use --workers 1, or --set stream.hold=false'
             )
+
+    def targets(self) -> dict[str, Path]:
+        """Return what will be written, by the name of its option."""
+        found = {
+            '-o': self.output,
+            '--csv': self.csv,
+            '--jsonl': self.jsonl,
+            '--geojson': self.geojson.path if self.geojson else None,
+            '--report': self.report,
+        }
+        return {name: path for name, path in found.items() if path is not None}
+
+    def notes(self, live: Topic, reference: np.ndarray | Topic) -> dict[str, str]:
+        """Return what decides the content of the output, for its metadata."""
+        values = {
+            'input': input_notes(self.source),
+            'topic': live.name,
+            'reference': image_notes(reference),
+            'depth': image_notes(self.depth),
+            'selection': asdict(self.selection),
+            'rate': self.rate,
+            'compress': self.compress,
+            'keep_input': self.keep_input,
+            'keep_fixes': self.keep_input and self.geojson is not None,
+        }
+        return noted(values)
 
 
 def replay(job: ReplayJob, watch: Watch = unwatched) -> Summary:
@@ -104,21 +145,22 @@ def replay(job: ReplayJob, watch: Watch = unwatched) -> Summary:
         recording = stack.enter_context(open_recording(job.source, job.rate))
         live, reference = choose(recording, job.reference, job.topic)
         picker = Picker(job.selection, live.name)
-        focal_px = recording.focal_px()
-        camera = None if focal_px is None else Camera(focal_px)
-        found = _results(job, recording, live, reference, camera, picker, stack)
-        summary = Summary(job.source, live.name)
+        given = sources(job, recording, live, reference, stack)
+        found = _results(job, recording, live, reference, picker, given, stack)
+        summary = Summary(job.source, live.name, resumed=len(given.stored or ()))
         first = next(found, None)
         if first is None:
             picker.check()
             raise BagError(f'{job.source}: no frame of {live.name} can be read')
         total = job.selection.at_most(live.count)
         sinks: list[Sink] = []
-        for sink in _sinks(job, summary, camera):
+        for sink in open_sinks(job, given, summary):
             stack.callback(sink.close)
             sinks.append(sink)
         with Writing(sinks) as writing:
             for compared in watch(chain([first], found), total, live.name):
+                if given.copier:
+                    given.copier.collect(compared.frame)
                 writing.put(compared)
                 summary.count_losses(recording)
         summary.count_losses(recording)
@@ -130,22 +172,21 @@ def _results(
     recording: Recording,
     live: Topic,
     reference: np.ndarray | Topic,
-    camera: Camera | None,
     picker: Picker,
+    given: Sources,
     stack: ExitStack,
 ) -> Iterator[Compared]:
     both = pairs(recording, live, reference, picker, only_one=job.depth is not None)
-    if job.workers == 1:
-        return detected(both, recording, camera, job.config, job.depth)
-    pool = stack.enter_context(WorkerPool(job.workers, camera, job.config, job.depth))
-    return detected_by(pool, both, recording, job.config)
 
+    def detect(some: Pairs) -> Iterator[Compared]:
+        if pool is None:
+            return detected(some, recording, given.camera, job.config, job.depth)
+        return detected_by(pool, some, recording, job.config)
 
-def _sinks(job: ReplayJob, summary: Summary, camera: Camera | None) -> Iterator[Sink]:
-    """Open what the job wants written, one after the other."""
-    yield BagSink(job.output, job.config)
-    if job.csv:
-        yield CsvSink(job.csv)
-    yield summary
-    if job.report:
-        yield ReportSink(job.report, summary, job.config, camera)
+    pool = None
+    if job.workers > 1:
+        pool = stack.enter_context(WorkerPool(job.workers, given.camera, job.config, job.depth))
+    # where frames depend on those before, they are computed again, but not written again
+    if given.stored and not depends_on_earlier(job.config):
+        return spliced(given.stored, both, detect)
+    return detect(both)

@@ -21,13 +21,16 @@ class Reference:
     image: np.ndarray  # (M, N) or (M, N, 3) uint8
 
 
+Pairs = Iterator[tuple[BagFrame, Reference]]
+
+
 def pairs(
     recording: Recording,
     live: Topic,
     reference: np.ndarray | Topic,
     picker: Picker,
     only_one: bool = False,
-) -> Iterator[tuple[BagFrame, Reference]]:
+) -> Pairs:
     """
     Iterate over the picked frames of `live`; a newer image of a reference topic takes over.
 

@@ -20,6 +20,7 @@ class Summary:
     topic: str
     frames: int = 0  # that gave a result
     skipped: int = 0  # that could not be read
+    resumed: int = 0  # of the frames, those that an earlier replay had written
     damaged: bool = False  # parts of the recording could not be read, see the warnings
     lost: int = 0  # messages in them, as far as that is known
     registered: int = 0
@@ -42,10 +43,12 @@ class Summary:
     def values(self) -> dict[str, str]:
         """Return the numbers by name, for people."""
         hz = self.frames / self.seconds if self.seconds else 0.0
+        lost = self._damage()
+        kept = f', {self.resumed} kept of an earlier replay' if self.resumed else ''
         return {
             'bag': str(self.source),
             'topic': self.topic,
-            'frames': f'{self.frames}, {self.skipped} more could not be read{self._damage()}',
+            'frames': f'{self.frames}, {self.skipped} more could not be read{lost}{kept}',
             'registered': str(self.registered),
             'frames with changes': f'{self.with_changes}, {self.changes} changes in all',
             'speed': f'{hz:.1f} frames/s, outputs included',
@@ -59,7 +62,8 @@ class Summary:
     def _damage(self) -> str:
         if not self.damaged:
             return ''
-        return f', the file is damaged: at least {self.lost} messages are lost'
+        lost = f'at least {self.lost} messages are lost' if self.lost else 'see the warnings'
+        return f', the recording is damaged: {lost}'
 
     def line(self) -> str:
         """Return the numbers in one line."""

@@ -115,7 +115,8 @@ class _Worker:
             self._process.join(DEADLINE_S)
             raise RsmbError(
                 f'worker {self.number} of the replay died, exit code {self._process.exitcode} '
-                '(-9: killed, often for want of memory); use fewer --workers'
+                '(-9: killed, often for want of memory: use fewer --workers; 1: a script must '
+                "call replay below if __name__ == '__main__')"
             ) from error
         self._known = reference.number
         if isinstance(answer, BaseException):

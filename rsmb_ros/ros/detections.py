@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from rsmb_ros.core.types import Region, Result
+from rsmb_ros.core.types import Result
+from rsmb_ros.messages.detections import DETECTIONS, DetectionFields, detection_fields
 from rsmb_ros.messages.factory import MessageFactory
 from rsmb_ros.messages.outputs import Output
 
@@ -15,25 +16,22 @@ try:
 except ImportError:
     Detection2DArray = None
 
-_TYPE = 'vision_msgs/msg/Detection2DArray'
-
 
 def detections(result: Result, live: np.ndarray, factory: MessageFactory, header: Any) -> Any:
-    """Return the changes of a result; what is static is only in ``~/regions_json``."""
-    found = [_detection(region, header) for region in result.regions if region.kind == 'change']
+    """Return the changes of a result."""
+    found = [_detection(fields, header) for fields in detection_fields(result)]
     return Detection2DArray(header=header, detections=found)
 
 
-def _detection(region: Region, header: Any) -> Any:
-    msg = Detection2D(header=header, id='' if region.id is None else str(region.id))
-    # The box holds whole pixels, and a pixel's own place is its centre.
-    msg.bbox.center.position.x = region.x + (region.width - 1) / 2
-    msg.bbox.center.position.y = region.y + (region.height - 1) / 2
-    msg.bbox.size_x = float(region.width)
-    msg.bbox.size_y = float(region.height)
+def _detection(fields: DetectionFields, header: Any) -> Any:
+    msg = Detection2D(header=header, id=fields.id)
+    msg.bbox.center.position.x = fields.center_x
+    msg.bbox.center.position.y = fields.center_y
+    msg.bbox.size_x = fields.size_x
+    msg.bbox.size_y = fields.size_y
     what = ObjectHypothesisWithPose()
-    what.hypothesis.class_id = region.kind
-    what.hypothesis.score = float(region.score)
+    what.hypothesis.class_id = fields.class_id
+    what.hypothesis.score = fields.score
     msg.results = [what]
     return msg
 
@@ -42,5 +40,5 @@ if Detection2DArray is None:
     OUTPUTS: tuple[Output, ...] = ()
     CLASSES: dict[str, type] = {}
 else:
-    OUTPUTS = (Output('regions', _TYPE, detections),)
-    CLASSES = {_TYPE: Detection2DArray}
+    OUTPUTS = (Output('regions', DETECTIONS, detections),)
+    CLASSES = {DETECTIONS: Detection2DArray}

@@ -10,10 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-import cv2
-import numpy as np
-
 from rsmb_ros.core.types import REGISTERED, Result
+from rsmb_ros.messages.quality import known_number, quality
 
 from .worker import Counts
 
@@ -226,29 +224,12 @@ class Health:
         return {
             'status': last.status if last else 'none yet',
             'reason': last.reason if last else '',
-            **_quality(last),
-            'exposure [rows]': _known(last.exposure_rows, 1) if last else '',
+            **quality(last),
+            'exposure [rows]': known_number(last.exposure_rows, 1) if last else '',
             'reference': 'present' if age else 'absent',
             'references received': str(self._references),
             'reference age [s]': age,
         }
-
-
-def _quality(result: Result | None) -> dict[str, str]:
-    """Return how well the last frame fits: mean residual where judged, rows, share judged."""
-    mean = uncertainty = judged = math.nan
-    if result is not None:
-        valid = cv2.countNonZero(result.valid_mask)
-        judged = 100.0 * valid / result.valid_mask.size
-        if valid:  # elsewhere the residual is 0
-            mean = cv2.norm(result.residual, cv2.NORM_L1) / valid
-        known = result.row_uncertainty[np.isfinite(result.row_uncertainty)]
-        uncertainty = float(np.median(known)) if known.size else math.nan
-    return {
-        'residual mean [grey levels]': _known(mean, 2),
-        'row uncertainty median [px]': _known(uncertainty, 3),
-        'judged [%]': _known(judged, 1),
-    }
 
 
 def _percentile_ms(seconds: list[float], percent: int) -> str:
@@ -257,7 +238,3 @@ def _percentile_ms(seconds: list[float], percent: int) -> str:
         return ''
     rank = math.ceil(percent / 100 * len(seconds)) - 1
     return f'{1e3 * sorted(seconds)[rank]:.1f}'
-
-
-def _known(value: float, digits: int) -> str:
-    return f'{value:.{digits}f}' if math.isfinite(value) else ''

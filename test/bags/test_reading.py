@@ -94,6 +94,28 @@ def test_damaged_message_of_another_type_names_bag_and_topic(tmp_path):
         next(bag.messages('/text'))
 
 
+@pytest.mark.parametrize('kind', ['folder sqlite3', 'folder mcap'])
+def test_quality_of_service_told_in_two_ways_loses_no_message(write_images, pictures, kind):
+    folder = write_images(kind, pictures)
+    path = folder / 'metadata.yaml'
+    text = path.read_text()
+    told = 'offered_qos_profiles: []'
+    assert told in text
+    profile = {
+        'history': 3,
+        'depth': 0,
+        'reliability': 1,
+        'durability': 2,
+        'liveliness': 1,
+        **{name: {'sec': 0, 'nsec': 0} for name in ('deadline', 'lifespan')},
+        'liveliness_lease_duration': {'sec': 0, 'nsec': 0},
+        'avoid_ros_namespace_conventions': False,
+    }
+    path.write_text(text.replace(told, f'offered_qos_profiles: {[profile]}'))
+    with Bag(folder) as bag:
+        assert len(list(bag.frames('/image'))) == len(pictures)
+
+
 # -- which topic is which ----------------------------------------------------------------------
 
 

@@ -13,6 +13,8 @@ import rsmb_ros
 from rsmb_ros.bags.writing import BagWriter
 from rsmb_ros.core.config import Config
 from rsmb_ros.core.errors import BagError
+from rsmb_ros.messages.detections import DetectionFields
+from rsmb_ros.messages.diagnostics import StatusFields
 from rsmb_ros.messages.outputs import OUTPUTS
 
 STAMP_NS = 12_000_000_034
@@ -196,3 +198,34 @@ def test_other_suffix_is_refused(tmp_path):
 def test_missing_folder_is_named(tmp_path):
     with pytest.raises(BagError, match=r'absent/out\.mcap: cannot be written: No such file'):
         BagWriter(tmp_path / 'absent' / 'out.mcap')
+
+
+def test_recording_in_work_is_not_written_by_another(tmp_path, factory):
+    path = tmp_path / 'same.mcap'
+    with BagWriter(path) as writer:
+        writer.write('/text', factory.text('first'), 1)
+        writer.flush()
+        with pytest.raises(BagError, match=r'same\.mcap: another process is writing it'):
+            BagWriter(path)
+        writer.write('/text', factory.text('second'), 2)
+    assert [message.data for _, _, message in read_back(path)] == ['first', 'second']
+
+
+def test_detections_are_read_back_by_the_definition_in_the_file(written, factory):
+    fields = DetectionFields('3', 12.0, 21.5, 5.0, 4.0, 'change', 0.75)
+    found = written(factory.detections(factory.header(STAMP_NS, 'cam'), [fields]))
+    (detection,) = found.detections
+    for header in (found.header, detection.header):
+        assert (header.stamp.sec, header.frame_id) == (12, 'cam')
+    assert detection.id == '3'
+    assert (detection.bbox.center.position.x, detection.bbox.center.position.y) == (12.0, 21.5)
+    assert (detection.bbox.size_x, detection.bbox.size_y) == (5.0, 4.0)
+    (what,) = detection.results
+    assert (what.hypothesis.class_id, what.hypothesis.score) == ('change', 0.75)
+
+
+def test_diagnostics_are_read_back(written, factory):
+    state = StatusFields(1, 'name', 'no texture', 'hardware', {'gain': '1.0', 'frame': '7'})
+    (status,) = written(factory.diagnostics(factory.header(STAMP_NS, ''), state)).status
+    assert (status.level, status.name, status.message) == (1, 'name', 'no texture')
+    assert [(pair.key, pair.value) for pair in status.values] == [('gain', '1.0'), ('frame', '7')]

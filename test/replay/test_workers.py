@@ -10,7 +10,7 @@ from small_flight import masks_of
 
 from rsmb_ros.bags.writing import BagWriter
 from rsmb_ros.core import Config, Detector
-from rsmb_ros.core.errors import ConfigError, FrameError, RsmbError
+from rsmb_ros.core.errors import ConfigError, FileProblem, FrameError, RsmbError
 from rsmb_ros.core.settled import settled
 from rsmb_ros.replay.job import ReplayJob, replay
 from rsmb_ros.replay.pairs import Reference
@@ -81,7 +81,7 @@ def test_worker_that_dies_is_told(photos):
     with WorkerPool(1, None, Config(), None) as pool:
         os.kill(pool._workers[0]._process.pid, signal.SIGKILL)
         asked = pool.submit(Reference(0, photos[0]), photos[1])
-        with pytest.raises(RsmbError, match=r'worker 0 .* exit code -9 .*fewer --workers'):
+        with pytest.raises(RsmbError, match=r'worker 0 .* exit code -9 .*use fewer --workers'):
             asked.result(60)
 
 
@@ -112,5 +112,5 @@ def test_interrupted_replay_leaves_a_readable_file_and_no_process(
 
 
 def test_failing_sink_ends_the_replay(flight_bag, tmp_path):
-    with pytest.raises(OSError, match='No space left'):
+    with pytest.raises(FileProblem, match='/dev/full: cannot be written: No space left'):
         replay(ReplayJob(flight_bag, tmp_path / 'o.mcap', csv=Path('/dev/full')))

@@ -89,7 +89,7 @@ def test_changes_are_detections_and_what_is_static_is_none(detections, store):
     header = default(store, 'std_msgs/msg/Header')
     header.frame_id = 'cam'
     header.stamp.sec = 7
-    result = SimpleNamespace(regions=(STATIC, CHANGE))
+    result = SimpleNamespace(regions=(STATIC, CHANGE), changes=(CHANGE,))
     built = output.build(result, None, None, header)
     sent = store.serialize_cdr(built, output.type)  # refuses wrong types
     msg = store.deserialize_cdr(sent, output.type)
@@ -108,7 +108,9 @@ def test_changes_are_detections_and_what_is_static_is_none(detections, store):
 def test_change_without_an_id_has_none(detections, store):
     header = default(store, 'std_msgs/msg/Header')
     region = Region(x=0, y=0, width=1, height=1, area=1, kind='change', score=1.0)
-    msg = detections.detections(SimpleNamespace(regions=(region,)), None, None, header)
+    msg = detections.detections(
+        SimpleNamespace(regions=(region,), changes=(region,)), None, None, header
+    )
     assert msg.detections[0].id == ''
 
 
