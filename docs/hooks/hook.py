@@ -1,0 +1,36 @@
+"""The hooks of mkdocs: fill in what is generated, write equations as MathML."""
+
+from __future__ import annotations
+
+import html
+import re
+from pathlib import Path
+from typing import Any
+
+from mkdocs.plugins import event_priority
+
+from rsmb_docs.mathml import mathml
+from rsmb_docs.pages import filled
+
+INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
+BLOCK = re.compile(r'<div class="arithmatex">\s*\\\[(.*?)\\\]\s*</div>', re.DOTALL)
+
+
+def on_page_markdown(markdown: str, **others: Any) -> str:
+    """Fill in what the page asks for."""
+    return filled(markdown)
+
+
+def on_page_content(content: str, **others: Any) -> str:
+    """Replace what pymdownx.arithmatex found."""
+    content = BLOCK.sub(
+        lambda one: f'<div class="equation">{mathml(html.unescape(one[1]), True)}</div>', content
+    )
+    return INLINE.sub(lambda one: mathml(html.unescape(one[1])), content)
+
+
+@event_priority(-100)  # when the search index is written
+def on_post_build(config: Any, **others: Any) -> None:
+    """Lay the search index beside itself as a script, which a page from the disk may read."""
+    index = Path(config['site_dir'], 'search', 'search_index.json')
+    index.with_suffix('.js').write_text(f'var __index = {index.read_text("utf-8")}', 'utf-8')
