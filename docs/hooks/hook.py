@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from mkdocs.plugins import event_priority
-
 from rsmb_docs.mathml import mathml
 from rsmb_docs.pages import filled
 
 INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 BLOCK = re.compile(r'<div class="arithmatex">\s*\\\[(.*?)\\\]\s*</div>', re.DOTALL)
+CELL = re.compile(r'<td\b.*?</td>', re.DOTALL)
+NAME = re.compile(r'(?<=<code>)[^<]{12,}(?=</code>)')
+JOINT = re.compile(r'([._/]+)(?=\w)')
 
 
 def on_page_markdown(markdown: str, **others: Any) -> str:
@@ -26,7 +28,13 @@ def on_page_content(content: str, **others: Any) -> str:
     content = BLOCK.sub(
         lambda one: f'<div class="equation">{mathml(html.unescape(one[1]), True)}</div>', content
     )
-    return INLINE.sub(lambda one: mathml(html.unescape(one[1])), content)
+    content = INLINE.sub(lambda one: mathml(html.unescape(one[1])), content)
+    return CELL.sub(lambda one: NAME.sub(_with_joints, one[0]), content)
+
+
+def _with_joints(name: re.Match[str]) -> str:
+    """Let a long name be broken where a reader would break it: a phone's tables are narrow."""
+    return JOINT.sub(r'\1<wbr>', name[0])
 
 
 @event_priority(-100)  # when the search index is written

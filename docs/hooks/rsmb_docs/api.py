@@ -11,7 +11,7 @@ from typing import Any
 from rsmb_ros import core
 
 from .numpydoc import Docstring
-from .sources import field_comments
+from .sources import field_comments, readable
 from .tables import code, fenced, table
 
 ORDER = ('Detector', 'Result', 'Region', 'Camera', 'Config', 'warm_up')  # others follow
@@ -95,7 +95,7 @@ def _fields(kind: type) -> str:
         return 'Its groups and their fields: [Parameters](parameters.md).'
     comments = field_comments(kind)
     rows = [
-        (code(field.name), code(_annotation(field.type)), comments[field.name])
+        (code(field.name), code(_annotation(field.type)), readable(comments[field.name]))
         for field in dataclasses.fields(kind)
         if field.repr
     ]

@@ -46,15 +46,26 @@ def exit_codes() -> str:
 
 def _section(verb: str, parser: argparse.ArgumentParser) -> str:
     parts = [f'## rsmb {verb}', parser.description or '', fenced(_usage(parser))]
-    for group in parser._action_groups:
-        rows = [_row(action) for action in group._group_actions if action.dest != 'help']
-        if rows:
-            own = group.title not in ('positional arguments', 'options')
-            parts += [f'**{(group.title or "").capitalize()}**'] if own else []
-            parts += [table(('argument', 'default', 'meaning'), rows)]
+    for title, actions in _groups(parser):
+        if title:
+            parts.append(f'**{title[0].upper()}{title[1:]}**')
+        parts.append(table(('argument', 'default', 'meaning'), map(_row, actions)))
     if parser.epilog:
         parts.append(parser.epilog)
     return '\n\n'.join(parts)
+
+
+def _groups(parser: argparse.ArgumentParser) -> Iterator[tuple[str, list[argparse.Action]]]:
+    """Yield title and arguments of each group, '' for those without a name of their own."""
+    plain, named = [], []
+    for group in parser._action_groups:
+        actions = [action for action in group._group_actions if action.dest != 'help']
+        if group.title in ('positional arguments', 'options'):
+            plain += actions
+        elif actions:
+            named.append((group.title or '', actions))
+    yield '', plain
+    yield from named
 
 
 def _usage(parser: argparse.ArgumentParser) -> str:

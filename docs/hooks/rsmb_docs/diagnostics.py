@@ -47,7 +47,8 @@ VERDICTS = {
     'in work for ... s, worker.deadline_s = ...': 'kernels of a first depth map compile, or the '
     'machine stands still; restart the node where it does not end',
     'processing failed: ...': 'a bug: report the log line and the frame; the node goes on',
-    'not active: ...': '`ros2 lifecycle set /rsmb configure`, then `activate`; or `autostart: true`',
+    'not active: ...': '`ros2 lifecycle set /rsmb configure`, then `activate`; or '
+    '`autostart: true`',
     '... malformed messages in ... s: ...': 'the driver contradicts itself; the log has the '
     'numbers. `too large`: raise `worker.max_megapixels`',
     'paused by ~/enable': '`ros2 service call /rsmb/enable std_srvs/srv/SetBool "{data: true}"`',

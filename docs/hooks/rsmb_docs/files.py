@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from rsmb_ros.cli import detect, replay
 from rsmb_ros.core import REGISTERED, Config, Region, Result
 from rsmb_ros.messages.outputs import OUTPUTS
 
-from .sources import field_comments
+from .sources import field_comments, readable
 from .tables import code, described, table
 
 STEPS = {'coarse': 7.2, 'registration': 33.1}
@@ -158,7 +157,7 @@ def _text(name: str, texts: dict[str, str], nothing: str) -> str:
     """Return the text of a field, with what stands in this kind of file for Python's None."""
     if not texts[name]:
         raise KeyError(f'field {name} has no comment in core/types.py and no text in {__file__}')
-    return re.sub(r"'(\w+)'", r'`\1`', texts[name]).replace('None', nothing)
+    return readable(texts[name], nothing)
 
 
 def _type(*values: object) -> str:

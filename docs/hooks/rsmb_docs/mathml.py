@@ -4,6 +4,7 @@ Equations as MathML, which browsers draw without a script or a font of ours.
 Reads the part of LaTeX that the pages use; what it does not know it refuses, so that no page shows
 a command instead of a formula.
 """
+# ruff: noqa: RUF001 - signs of mathematics that look like letters are meant
 
 from __future__ import annotations
 
@@ -12,15 +13,10 @@ import re
 
 TOKEN = re.compile(r'\\[A-Za-z]+|\\.|[{}^_&]|\d+(?:\.\d+)?|\s+|.', re.DOTALL)
 LETTERS = {
-    **dict(
-        zip(
-            'alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi pi rho sigma tau '
-            'phi chi psi omega'.split(),
-            'αβγδεζηθκλμνξπρστφχψω',
-            strict=True,
-        )
-    ),
-    **dict(zip('Delta Sigma Omega Phi Psi'.split(), 'ΔΣΩΦΨ', strict=True)),
+    'alpha': 'α', 'beta': 'β', 'gamma': 'γ', 'delta': 'δ', 'epsilon': 'ε', 'zeta': 'ζ', 'eta': 'η',
+    'theta': 'θ', 'kappa': 'κ', 'lambda': 'λ', 'mu': 'μ', 'nu': 'ν', 'xi': 'ξ', 'pi': 'π',
+    'rho': 'ρ', 'sigma': 'σ', 'tau': 'τ', 'phi': 'φ', 'chi': 'χ', 'psi': 'ψ', 'omega': 'ω',
+    'Delta': 'Δ', 'Sigma': 'Σ', 'Phi': 'Φ', 'Psi': 'Ψ', 'Omega': 'Ω',
     'infty': '∞', 'ell': 'ℓ', 'partial': '∂', 'nabla': '∇',
 }  # fmt: skip
 OPERATORS = {
@@ -32,6 +28,7 @@ FENCES = {'{': '{', '}': '}', '|': '‖', 'lfloor': '⌊', 'rfloor': '⌋', 'lan
 LARGE = {'sum', 'prod'}  # their bounds stand below and above in a displayed equation
 WORDS = ('exp', 'log', 'min', 'max', 'median', 'huber', 'rank', 'erf', 'round', 'med')
 SPACES = {'quad': '1em', 'qquad': '2em', ',': '0.17em', ';': '0.28em', ' ': '0.25em'}
+SIGNS = {'-': '−', "'": '′', '*': '∗'}
 ACCENTS = {'hat': '^', 'tilde': '~', 'bar': '‾', 'dot': '˙'}
 
 
@@ -69,14 +66,15 @@ class _Parser:
         self._at = 0
 
     def row(self, until: str) -> str:
-        """Read up to `until` and return an mrow."""
+        """Read up to `until` and return one element."""
         parts = []
         while (token := self._peek()) != until:
             if not token or token == '}':
                 raise self._wrong(f'{until or "the end"} expected, {token or "the end"} found')
             parts.append(self._scripted())
         self._next()
-        return _element('mrow', ''.join(parts))
+        alone = until == '}' and len(parts) == 1
+        return parts[0] if alone else _element('mrow', ''.join(parts))
 
     def _scripted(self) -> str:
         """Read one thing with what stands below and above it."""
@@ -101,13 +99,15 @@ class _Parser:
             return self.row(until='}')
         if token.startswith('\\'):
             return self._command(token[1:])
+        if token in ('', '}', '^', '_', '&'):
+            raise self._wrong(f'{token or "the end"} stands where something is expected')
         if token[0].isdigit():
             return _element('mn', token)
         if token.isalpha():
             return _element('mi', token)
-        if token in ('', '}', '^', '_', '&'):
-            raise self._wrong(f'{token or "the end"} stands where something is expected')
-        return _element('mo', {'-': '−', "'": '′', '*': '∗'}.get(token, html.escape(token)))
+        if token in '()[]|':  # as large as they are written; \left and \right stretch
+            return _element('mo', token, ' stretchy="false"')
+        return _element('mo', SIGNS.get(token, html.escape(token)))
 
     def _command(self, name: str) -> str:
         if name in LETTERS:

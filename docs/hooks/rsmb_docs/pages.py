@@ -1,15 +1,20 @@
-"""What a page asks for: ``<!-- generated: NAME -->`` on a line of its own, or in a sentence."""
+"""
+What a page asks for: ``<!-- generated: NAME -->`` on a line of its own, or in a sentence.
+
+Indented, as in a box that opens, everything that is generated is, too.
+"""
 
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Callable
 
 import rsmb_ros
 
 from . import api, commands, diagnostics, files, parameters, topics
 
-MARK = re.compile(r'<!-- generated: ([a-z ]+) -->')
+MARK = re.compile(r'(?P<indent>^ *)?<!-- generated: (?P<name>[a-z ]+) -->', re.MULTILINE)
 GENERATORS: dict[str, Callable[[], str]] = {
     'version': lambda: rsmb_ros.__version__,
     'parameters': parameters.parameter_tables,
@@ -49,8 +54,8 @@ def filled(markdown: str) -> str:
     """
 
     def generate(mark: re.Match[str]) -> str:
-        if mark[1] not in GENERATORS:
-            raise KeyError(f'generated: {mark[1]} is none of {", ".join(GENERATORS)}')
-        return GENERATORS[mark[1]]()
+        if mark['name'] not in GENERATORS:
+            raise KeyError(f'generated: {mark["name"]} is none of {", ".join(GENERATORS)}')
+        return textwrap.indent(GENERATORS[mark['name']](), mark['indent'] or '')
 
     return MARK.sub(generate, markdown)

@@ -14,7 +14,7 @@ from rsmb_ros.ros.parameters import OF_THE_NODE, describe
 from .tables import code, table
 
 TYPES = {float: 'double', int: 'integer', bool: 'bool', str: 'string'}  # as ROS names them
-HEAD = ('parameter', 'type', 'default', 'allowed', 'at run time', 'meaning')
+HEAD = ('parameter', 'default', 'allowed', 'meaning')
 
 
 def parameter_tables() -> str:
@@ -44,12 +44,11 @@ def _table(members: Iterable[Parameter]) -> str:
 
 
 def _row(one: Parameter) -> tuple[str, ...]:
+    about = f'{TYPES[type(one.default)]}, {"fixed" if describe(one).read_only else "at run time"}'
     return (
-        f'<a id="{one.name}"></a>{code(one.name)}',
-        TYPES[type(one.default)],
+        f'<a id="{one.name}"></a>{code(one.name)}<br><small>{about}</small>',
         code(str(one.default).lower() if isinstance(one.default, bool) else one.default),
         one.allowed(),
-        'fixed' if describe(one).read_only else 'yes',
         one.doc,
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import inspect
 import io
+import re
 import textwrap
 import tokenize
 from collections.abc import Iterator
@@ -28,6 +29,12 @@ def field_comments(kind: type) -> dict[str, str]:
         for node in body.body
         if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)
     }
+
+
+def readable(comment: str, nothing: str = 'None') -> str:
+    """Return a comment as Markdown: texts of the code as code, `nothing` for None."""
+    text = comment.replace("''", 'empty')
+    return re.sub(r"'(\w+)'", r'`\1`', text).replace('None', nothing)
 
 
 def tree(path: str) -> ast.Module:
@@ -56,9 +63,8 @@ def constant(path: str, name: str) -> str:
 
     """
     for node in tree(path).body:
-        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-            if node.targets[0].id == name:
-                return str(ast.literal_eval(node.value))
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == name:
+            return str(ast.literal_eval(node.value))
     raise KeyError(f'{path} has no constant {name}: mend docs/hooks/rsmb_docs')
 
 

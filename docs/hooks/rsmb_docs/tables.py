@@ -43,4 +43,7 @@ def described(names: Iterable[str], texts: Mapping[str, str], where: str) -> dic
 
 
 def _cell(text: str) -> str:
-    return ' '.join(str(text).split()).replace('|', r'\|')
+    """Return one line in which no bar outside inline code ends the cell."""
+    parts = ' '.join(str(text).split()).split('`')
+    parts[::2] = (part.replace('|', r'\|') for part in parts[::2])
+    return '`'.join(parts)

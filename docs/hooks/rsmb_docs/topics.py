@@ -108,10 +108,8 @@ def outputs() -> list[Endpoint]:
     made = {endpoint.topic: endpoint for endpoint in node.made}
     some_qos = node.made[0].qos
     for output in _detections():
-        made.setdefault(
-            f'~/{output.name}',
-            Endpoint(f'~/{output.name}', output.type.replace('/msg/', '/'), some_qos),
-        )
+        topic, kind = f'~/{output.name}', output.type.replace('/msg/', '/')
+        made.setdefault(topic, Endpoint(topic, kind, some_qos))
     return list(made.values())
 
 
