@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import ast
 import dataclasses
 import os
 import re
@@ -19,6 +20,7 @@ pytest.importorskip('rclpy', reason='the reference is generated from the node')
 from rsmb_docs import api, commands, diagnostics, files, parameters, topics
 from rsmb_docs.mathml import MathError, mathml
 from rsmb_docs.pages import GENERATORS, filled
+from rsmb_docs.sources import template, tree
 from rsmb_docs.tables import described, table
 
 from rsmb_ros import core
@@ -181,6 +183,22 @@ def test_parameters_that_pages_name_exist(page):
     for group, key in re.findall(r'`(?:config\.)?([a-z]+)\.([a-z_]+)\b', page.read_text('utf-8')):
         if group in groups and key not in ('persistence_', 'yaml'):
             assert f'{group}.{key}' in known, f'{page}: {group}.{key}'
+
+
+def test_messages_that_the_how_to_explains_are_messages_of_the_code():
+    said = [
+        template(node)
+        for path in ('ros/health.py', 'core/detector.py')
+        for node in ast.walk(tree(path))
+        if isinstance(node, ast.Constant | ast.JoinedStr)
+    ]
+    text = (DOCS / 'how-to' / 'diagnostics.md').read_text('utf-8')
+    rows = re.findall(r'^\| (?:WARN |STALE |ERROR )?`([^`]+)` \|', text, flags=re.MULTILINE)
+    quoted = [row for row in rows if not row.startswith('dropped: ')]
+    assert len(quoted) > 10
+    for message in quoted:
+        (longest, *_) = sorted(re.split(r'\.\.\.| N | CAUSE', message), key=len, reverse=True)
+        assert any(longest.strip() in one for one in said), f'nobody says {message!r}'
 
 
 def test_commands_that_pages_show_are_understood(page):

@@ -15,7 +15,7 @@ INLINE = re.compile(r'<span class="arithmatex">\\\((.*?)\\\)</span>', re.DOTALL)
 BLOCK = re.compile(r'<div class="arithmatex">\s*\\\[(.*?)\\\]\s*</div>', re.DOTALL)
 CELL = re.compile(r'<td\b.*?</td>', re.DOTALL)
 NAME = re.compile(r'(?<=<code>)[^<]{12,}(?=</code>)')
-JOINT = re.compile(r'([._/]+)(?=\w)')
+JOINT = re.compile(r'(?<=\w)([._/]+)(?=\w{3})')
 
 
 def on_page_markdown(markdown: str, **others: Any) -> str:

@@ -28,7 +28,7 @@ IMAGES = ROOT / 'docs' / 'images'
 FRAME = 12  # both new objects, both houses, a lot of shake
 WIDTH = 640  # px of a picture; two stand beside each other on a wide page
 QUALITY = 78
-EXPOSURE_STEPS = 10.0  # sigma and grey levels at the bright end of the maps
+BRIGHT = 10.0  # sigma, or grey levels, at the bright end of the maps
 
 
 def main() -> None:
@@ -66,7 +66,7 @@ def _frame(reference: np.ndarray, live: np.ndarray, result: Result) -> None:
     _write('live', live)
     _write('registered', result.registered)
     _write('rectified', result.rectified)
-    _write('residual', _heat(np.abs(result.residual), EXPOSURE_STEPS * 4))
+    _write('residual', _heat(np.abs(result.residual), BRIGHT * 4))
     _write('valid-mask', result.valid_mask)
     _write('change-mask', result.change_mask)
     _write('overlay', draw_overlay(live, result))
@@ -75,8 +75,8 @@ def _frame(reference: np.ndarray, live: np.ndarray, result: Result) -> None:
 def _evidence(finding: Finding) -> None:
     frame, seen = finding.frame, finding.seen
     sigma = seen.noise(Texture.of(frame.predicted))
-    _write('expected-noise', _heat(sigma, EXPOSURE_STEPS))
-    _write('evidence', _heat(seen.strength, EXPOSURE_STEPS))
+    _write('expected-noise', _heat(sigma, BRIGHT))
+    _write('evidence', _heat(seen.strength, BRIGHT))
 
 
 def _layers(live: np.ndarray, result: Result, flat: Result) -> None:

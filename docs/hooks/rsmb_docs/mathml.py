@@ -105,7 +105,9 @@ class _Parser:
             return _element('mn', token)
         if token.isalpha():
             return _element('mi', token)
-        if token in '()[]|':  # as large as they are written; \left and \right stretch
+        if token == '|':
+            return _element('mo', token, ' stretchy="false" lspace="0" rspace="0"')
+        if token in '()[]':  # as large as they are written; \left and \right stretch
             return _element('mo', token, ' stretchy="false"')
         return _element('mo', SIGNS.get(token, html.escape(token)))
 
@@ -135,13 +137,26 @@ class _Parser:
         if name in ('mathbf', 'mathrm'):
             kind = {'mathbf': 'bold', 'mathrm': 'normal'}[name]
             return _letters(self._words(), kind)
-        if name in ('left', 'right'):
-            token = self._next().removeprefix('\\')
-            fence = FENCES.get(token, token).replace('.', '')
-            return _element('mo', html.escape(fence), ' fence="true" stretchy="true"')
+        if name == 'left':
+            return self._fenced()
         if name == 'begin':
             return self._cases()
         raise self._wrong(f'\\{name} is not known')
+
+    def _fenced(self) -> str:
+        """Read what stands between \\left( and \\right)."""
+        parts = [self._fence()]
+        while (token := self._peek()) != '\\right':
+            if token in ('', '}'):
+                raise self._wrong('\\right expected')
+            parts.append(self._scripted())
+        self._next()
+        return _element('mrow', ''.join([*parts, self._fence()]))
+
+    def _fence(self) -> str:
+        token = self._next().removeprefix('\\')
+        fence = html.escape(FENCES.get(token, token)).replace('.', '')
+        return _element('mo', fence, ' fence="true" stretchy="true"')
 
     def _cases(self) -> str:
         """Read \\begin{cases} ... \\end{cases}."""
