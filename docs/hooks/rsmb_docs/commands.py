@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import inspect
+import re
 from collections.abc import Iterator
 from functools import partial
 
@@ -12,6 +13,7 @@ from rsmb_ros.cli import main
 
 from .tables import code, fenced, table
 
+COLOUR = re.compile(r'\x1b\[[\d;]*m')
 WIDTH = 88  # columns of a usage line, whatever terminal the site is built in
 
 
@@ -70,7 +72,8 @@ def _groups(parser: argparse.ArgumentParser) -> Iterator[tuple[str, list[argpars
 
 def _usage(parser: argparse.ArgumentParser) -> str:
     lead = 'usage: '
-    return parser.format_usage().removeprefix(lead).replace('\n' + ' ' * len(lead), '\n')
+    plain = COLOUR.sub('', parser.format_usage())  # Python 3.14 colours it in a terminal
+    return plain.removeprefix(lead).replace('\n' + ' ' * len(lead), '\n')
 
 
 def _row(action: argparse.Action) -> tuple[str, str, str]:
