@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from rsmb_ros.bags.writing import METADATA
-from rsmb_ros.cli import detect, replay
+from rsmb_ros.cli import detect
 from rsmb_ros.core import REGISTERED, Config, Region, Result
 from rsmb_ros.messages.outputs import OUTPUTS
+from rsmb_ros.replay.csv_sink import CSV_COLUMNS
 
 from .sources import field_comments, readable
 from .tables import code, described, table
@@ -108,7 +109,7 @@ def example_json() -> str:
 def csv_columns() -> str:
     """Return the columns of `rsmb replay --csv`."""
     known = field_comments(Region)
-    texts = {name: OF_CSV.get(name, known.get(name, '')) for name in replay.CSV_COLUMNS}
+    texts = {name: OF_CSV.get(name, known.get(name, '')) for name in CSV_COLUMNS}
     rows = [(code(name), _text(name, texts, 'empty')) for name in texts]
     return table(('column', 'meaning'), rows)
 
