@@ -15,13 +15,14 @@ REAL := $(if $(wildcard $(DATA)/aerial),photos video --data $(DATA))
 export AMENT_PREFIX_PATH := $(CURDIR)/.venv
 unexport PYTHONPATH LD_LIBRARY_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: help demo test test-oldest load soak lint bench bench-speed bench-ablation clean
+.PHONY: help demo docs test test-oldest load soak lint bench bench-speed bench-ablation clean
 
 help:
 	@echo 'make demo    play the bag to the real node; report in $(OUT)/demo.html'
 	@echo 'make test    all tests, then the oracle tests without the JIT'
 	@echo 'make test-oldest  the tests with the versions of Ubuntu 24.04, Python 3.10 to 3.12'
 	@echo 'make lint    ruff and mypy'
+	@echo 'make docs    the documentation as a site: $(OUT)/site/index.html'
 	@echo 'make load    a camera faster than the node, 10 minutes: losses, latency, memory'
 	@echo 'make soak    a fault every few seconds, half an hour'
 	@echo 'make bench   all suites with all rivals (half an hour), then bench-ablation, bench-speed'
@@ -49,6 +50,11 @@ load: .venv/installed
 soak: .venv/installed
 	$(BIN)/python test/ros/soak.py $(SOAK)
 
+# Material tells of its successor at every build; that is no warning about these pages.
+docs: .venv/installed
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict --site-dir $(abspath $(OUT))/site
+	@echo '-> $(OUT)/site/index.html'
+
 lint: .venv/installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -70,7 +76,7 @@ bench-speed: .venv/installed
 
 # Editable, so that tests and demo run the checkout, its data files included. pip then leaves the
 # ament index alone, so the package is registered by links, also to the checkout.
-.venv/installed: PIP_OPTIONS := '.[ros,test,interop,dev]'
+.venv/installed: PIP_OPTIONS := '.[ros,test,interop,docs,dev]'
 $(OLDEST)/installed: PIP_OPTIONS := '.[ros,test,interop]' --constraint test/oldest.txt
 $(OLDEST)/installed: test/oldest.txt
 .venv/bin/python: NEWEST := 99
