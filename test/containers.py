@@ -106,6 +106,11 @@ def _split(source, storage, folder, metadata):
         first = told[0]['rosbag2_bagfile_information']
         information['relative_file_paths'] = [f'{name}.{storage}' for name, _ in parts]
         information['message_count'] += first['message_count']
+        begin, end = (
+            one['starting_time']['nanoseconds_since_epoch'] for one in (first, information)
+        )
+        information['duration']['nanoseconds'] += end - begin
+        information['starting_time'] = first['starting_time']
         # every topic is in one half at least
         topics = {
             one['topic_metadata']['name']: one

@@ -81,7 +81,8 @@ class McapStorage:
                 'chunks have no CRC; damage in them cannot be told'
             )
         count = sum(self._contents.counts.values())
-        self.metadata = self.metadata._replace(message_count=count)
+        first, last = self._contents.span_ns
+        self.metadata = self.metadata._replace(message_count=count, start_time=first, end_time=last)
 
     def close(self) -> None:
         """Close the file."""

@@ -37,7 +37,7 @@ class Watch(Protocol):
     """Iterates over the items it is given; shows how far it is, or stops between two of them."""
 
     def __call__(self, items: Iterable[T], total: int, what: str) -> Iterator[T]:
-        """Iterate over `items`, of which there are `total` at most."""
+        """Iterate over `items`, of which there are about `total`."""
 
 
 def unwatched(items: Iterable[T], total: int, what: str) -> Iterator[T]:
@@ -115,8 +115,9 @@ def replay(job: ReplayJob, watch: Watch = unwatched) -> Summary:
         for sink in _sinks(job, summary, total):
             stack.callback(sink.close)
             sinks.append(sink)
+        expected = job.selection.expected(live.count, recording.span_ns())
         with Writing(sinks) as writing:
-            for compared in watch(chain([first], found), total, live.name):
+            for compared in watch(chain([first], found), expected, live.name):
                 writing.put(compared)
                 summary.count_losses(recording)
         summary.count_losses(recording)
