@@ -110,14 +110,13 @@ def replay(job: ReplayJob, watch: Watch = unwatched) -> Summary:
         if first is None:
             picker.check()
             raise BagError(f'{job.source}: no frame of {live.name} can be read')
-        total = job.selection.at_most(live.count)
+        total = job.selection.expected(live.count, recording.span_ns())
         sinks: list[Sink] = []
         for sink in _sinks(job, summary, total):
             stack.callback(sink.close)
             sinks.append(sink)
-        expected = job.selection.expected(live.count, recording.span_ns())
         with Writing(sinks) as writing:
-            for compared in watch(chain([first], found), expected, live.name):
+            for compared in watch(chain([first], found), total, live.name):
                 writing.put(compared)
                 summary.count_losses(recording)
         summary.count_losses(recording)
