@@ -13,6 +13,7 @@ from rsmb_ros.bags.writing import BagWriter
 _MCAP = {'none': CompressionType.NONE, 'lz4': CompressionType.LZ4, 'zstd': CompressionType.ZSTD}
 KINDS = (
     *(f'mcap {name}' for name in (*_MCAP, 'unchunked', 'without index', 'small chunks')),
+    'mcap without crc',
     *('folder mcap', 'folder mcap message zstd', 'folder mcap file zstd', 'folder mcap storage'),
     *('db3', 'folder db3', 'folder db3 message zstd', 'folder db3 file zstd', 'folder db3 split'),
     *('folder mcap split', 'folder mcap split without metadata'),
@@ -57,12 +58,13 @@ def _mcap(source, how, target):
             stream,
             compression=_MCAP.get(how, CompressionType.ZSTD),
             use_chunking=how != 'unchunked',
-            chunk_size=60_000 if how == 'small chunks' else 1 << 20,
+            chunk_size=60_000 if how in ('small chunks', 'without crc') else 1 << 20,
             use_statistics=how != 'without index',
             use_summary_offsets=how != 'without index',
             repeat_channels=how != 'without index',
             repeat_schemas=how != 'without index',
             enable_data_crcs=how == 'unchunked',
+            enable_crcs=how != 'without crc',
             **({'index_types': IndexType.METADATA} if how == 'without index' else {}),
         )
         writer.start(profile='ros2', library='test')
@@ -104,6 +106,11 @@ def _split(source, storage, folder, metadata):
         first = told[0]['rosbag2_bagfile_information']
         information['relative_file_paths'] = [f'{name}.{storage}' for name, _ in parts]
         information['message_count'] += first['message_count']
+        begin, end = (
+            one['starting_time']['nanoseconds_since_epoch'] for one in (first, information)
+        )
+        information['duration']['nanoseconds'] += end - begin
+        information['starting_time'] = first['starting_time']
         # every topic is in one half at least
         topics = {
             one['topic_metadata']['name']: one

@@ -49,6 +49,10 @@ class ImageFolder(Recording):
     def close(self) -> None:
         """Nothing is open between two iterations."""
 
+    def span_ns(self) -> tuple[int, int]:
+        """Return the stamps of the first and the last image [ns]."""
+        return 0, round((len(self._files) - 1) * 1e9 / self._rate)
+
     def frames(self, *names: str, wanted: Wanted = every) -> Iterator[BagFrame]:
         """Iterate over the images; see `Recording.frames`."""
         factory = BagFactory()

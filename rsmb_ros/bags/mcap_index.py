@@ -46,6 +46,7 @@ class Contents:
     cut_off: Chunk | None = None  # the last one, where the file ends within
     loose: list[tuple[int, int, int]] = field(default_factory=list)  # time, channel, offset
     counts: Counter[int] = field(default_factory=Counter)  # channel -> messages
+    span_ns: tuple[int, int] = (1 << 63, 0)  # log times of the first and the last message
 
     def take(self, raw: memoryview) -> int:
         """Learn from the records of a chunk; returns the least log time in it [ns]."""
@@ -53,11 +54,16 @@ class Contents:
         for opcode, record, _ in records(raw):
             if opcode == Opcode.MESSAGE:
                 channel, _, time_ns, _ = MESSAGE.unpack_from(record)
-                self.counts[channel] += 1
+                self.count(channel, time_ns)
                 start_ns = min(start_ns, time_ns)
             else:
                 self.define(opcode, record)
         return start_ns
+
+    def count(self, channel: int, time_ns: int) -> None:
+        """Count a message."""
+        self.counts[channel] += 1
+        self.span_ns = min(self.span_ns[0], time_ns), max(self.span_ns[1], time_ns)
 
     def define(self, opcode: int, record: memoryview) -> None:
         """Learn a schema or a channel; the first one of an id counts."""
@@ -124,13 +130,16 @@ def _from_summary(data: memoryview) -> Contents | None:
         if opcode == Opcode.STATISTICS:
             statistics = Statistics.read(stream_of(record))
         elif opcode == Opcode.CHUNK_INDEX:
-            found.chunks.append(_indexed(data, ChunkIndex.read(stream_of(record))))
+            chunk = _indexed(data, ChunkIndex.read(stream_of(record)))
+            # counts that nothing checks must not make anyone pass over a chunk
+            found.chunks.append(chunk if crc else chunk._replace(counts=None))
             listed += 1
         else:
             found.define(opcode, record)
     if statistics is None or not found.channels or statistics.chunk_count != listed:
         return None
     found.counts.update(statistics.channel_message_counts)
+    found.span_ns = statistics.message_start_time, statistics.message_end_time
     return found if listed or not statistics.message_count else None
 
 
@@ -196,7 +205,7 @@ class _Walk:
         if opcode == Opcode.MESSAGE:
             channel, _, time_ns, _ = MESSAGE.unpack_from(record)
             self._found.loose.append((time_ns, channel, at))
-            self._found.counts[channel] += 1
+            self._found.count(channel, time_ns)
         elif opcode not in _BEFORE_THE_END or (opcode == Opcode.MESSAGE_INDEX and length % 16 != 6):
             raise Unreadable(f'no record there starts with {opcode}')
         else:

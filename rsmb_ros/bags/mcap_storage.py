@@ -81,7 +81,8 @@ class McapStorage:
                 'chunks have no CRC; damage in them cannot be told'
             )
         count = sum(self._contents.counts.values())
-        self.metadata = self.metadata._replace(message_count=count)
+        first, last = self._contents.span_ns
+        self.metadata = self.metadata._replace(message_count=count, start_time=first, end_time=last)
 
     def close(self) -> None:
         """Close the file."""
@@ -100,7 +101,12 @@ class McapStorage:
         """Iterate over connection, log time [ns] and data of the messages, by log time."""
         wanted = {connection.id: connection for connection in connections}
         first, last = start or 0, 2**64 if stop is None else stop
+        latest = 0
         for entry in self._entries(wanted):
+            if entry.time_ns < latest:
+                text = f'{self._name}: its index is damaged: messages come in a wrong order'
+                self._damage.note((self._name, 'order'), text)
+            latest = max(latest, entry.time_ns)
             if first <= entry.time_ns < last:
                 yield wanted[entry.channel], entry.time_ns, bytes(entry.data)
 

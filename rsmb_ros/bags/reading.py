@@ -83,6 +83,11 @@ class Bag(Recording):
         """Close the file."""
         self._reader.close()
 
+    def span_ns(self) -> tuple[int, int] | None:
+        """Return the log times of the first and the last message [ns]."""
+        first, last = self._reader.start_time, self._reader.end_time
+        return (first, last) if first <= last else None
+
     def focal_px(self) -> float | None:
         """Return the focal length [px] if there is exactly one camera_info topic."""
         topics = [topic for topic in self.topics if topic.type == CAMERA_INFO and topic.count]

@@ -123,6 +123,10 @@ class Recording(ABC):
         not `wanted` is not decoded.
         """
 
+    def span_ns(self) -> tuple[int, int] | None:
+        """Return about when it starts and ends [ns], None where that is not known beforehand."""
+        return None
+
     def focal_px(self) -> float | None:
         """Return the focal length [px] if the recording tells exactly one."""
         return None

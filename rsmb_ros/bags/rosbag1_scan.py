@@ -62,6 +62,7 @@ class Rosbag1Scan:
         self._damage = damage
         self._data = memoryview(b'')
         self._chunks: list[tuple[int, int]] = []  # time of the first message [ns], offset
+        self.start_time, self.end_time = 1 << 63, 0  # log times of the first and last message [ns]
 
     def __enter__(self) -> Rosbag1Scan:
         self.open()
@@ -145,6 +146,8 @@ class Rosbag1Scan:
                 counts[_number(record)] += 1
                 time_ns = _time_ns(record)
                 first_ns = time_ns if first_ns is None else min(first_ns, time_ns)
+                self.start_time = min(self.start_time, time_ns)
+                self.end_time = max(self.end_time, time_ns)
         if first_ns is not None:
             self._chunks.append((first_ns, at))
 

@@ -73,7 +73,11 @@ class SqliteStorage:
         for _, _, topic in self._rows:
             counts[topic] = counts.get(topic, 0) + 1
         self.connections = [one._replace(msgcount=counts.get(one.id, 0)) for one in topics]
-        self.metadata = self.metadata._replace(message_count=len(self._rows))
+        if self._rows:
+            first, last = self._rows[0][0], self._rows[-1][0]
+            self.metadata = self.metadata._replace(
+                message_count=len(self._rows), start_time=first, end_time=last
+            )
 
     def _whole_pages(self) -> Path:
         """

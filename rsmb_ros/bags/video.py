@@ -47,11 +47,18 @@ class Video(Recording):
         self._rate = rate
         video = self._opened()
         self._count = max(0, int(video.get(cv2.CAP_PROP_FRAME_COUNT)))
+        self._usual_rate = rate or video.get(cv2.CAP_PROP_FPS)
         video.release()
         self.topics = (Topic(TOPIC, FRAMES, self._count),)
 
     def close(self) -> None:
         """Nothing is open between two iterations."""
+
+    def span_ns(self) -> tuple[int, int] | None:
+        """Return about when the first and the last frame are [ns], None where no rate is told."""
+        if not self._usual_rate > 0:
+            return None
+        return 0, round(max(0, self._count - 1) * 1e9 / self._usual_rate)
 
     def frames(self, *names: str, wanted: Wanted = every) -> Iterator[BagFrame]:
         """Iterate over the frames; see `Recording.frames`."""

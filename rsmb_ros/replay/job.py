@@ -40,7 +40,7 @@ class Watch(Protocol):
     """Iterates over the items it is given; shows how far it is, or stops between two of them."""
 
     def __call__(self, items: Iterable[T], total: int, what: str) -> Iterator[T]:
-        """Iterate over `items`, of which there are `total` at most."""
+        """Iterate over `items`, of which there are about `total`."""
 
 
 def unwatched(items: Iterable[T], total: int, what: str) -> Iterator[T]:
@@ -152,7 +152,7 @@ def replay(job: ReplayJob, watch: Watch = unwatched) -> Summary:
         if first is None:
             picker.check()
             raise BagError(f'{job.source}: no frame of {live.name} can be read')
-        total = job.selection.at_most(live.count)
+        total = job.selection.expected(live.count, recording.span_ns())
         sinks: list[Sink] = []
         for sink in open_sinks(job, given, summary):
             stack.callback(sink.close)

@@ -49,6 +49,22 @@ class Selection:
         taken = -(-count // self.stride)
         return taken if self.max_frames is None else min(taken, self.max_frames)
 
+    def expected(self, count: int, span_ns: tuple[int, int] | None) -> int:
+        """Return about how many of `count` frames, spread evenly over a time [ns], are taken."""
+        if span_ns is None or span_ns[1] <= span_ns[0]:
+            return self.at_most(count)
+        length = span_ns[1] - span_ns[0]
+        first, last = 0, length
+        if self.start_ns is not None:
+            first = self._offset(self.start_ns, span_ns[0])
+        if self.end_ns is not None:
+            last = min(length, self._offset(self.end_ns, span_ns[0]))
+        return self.at_most(max(1, round(count * max(0, last - first) / length)))
+
+    @staticmethod
+    def _offset(value: int, first_ns: int) -> int:
+        return max(0, value if value < ABSOLUTE else value - first_ns)
+
 
 class Picker:
     """Tells the wanted frames of one run over a recording; those of other topics all are."""

@@ -1,6 +1,7 @@
 """Damaged bags give what is whole in them, and say what is not."""
 
 import os
+import struct
 
 import numpy as np
 import pytest
@@ -157,6 +158,19 @@ def test_bag_without_its_index_is_walked_through(contained, images, caplog):
     assert len(found) == COUNT
     assert_whole(found, images)
     assert f'{path}: no index: ' in caplog.text
+
+
+def test_index_without_a_crc_that_says_wrong_times_is_told(contained, images, caplog):
+    path = contained('mcap without crc')
+    first = chunks_of(path)[0]
+    data = path.read_bytes()
+    told = struct.pack('<Q', first.offset)  # stands behind the times in the index
+    at = data.rindex(told) - 16
+    path.write_bytes(data[:at] + struct.pack('<Q', 10**12) + data[at + 8 :])
+    found, told = frames_of(path)
+    assert told
+    assert len(found) == COUNT
+    assert f'{path}: its index is damaged: messages come in a wrong order' in caplog.text
 
 
 def test_walk_goes_on_behind_a_record_of_wrong_length(contained, images):

@@ -108,3 +108,12 @@ def test_demo_bag_is_whole():
     assert '/image/compressed (sensor_msgs/msg/CompressedImage): 20 of 20 messages whole' in (
         report.lines
     )
+
+
+def test_times_of_every_container_are_known(measured_bag, tmp_path):
+    for kind in KINDS:
+        (tmp_path / kind).mkdir()
+        with Bag(in_container(measured_bag, kind, tmp_path / kind)) as bag:
+            first, last = bag.span_ns()
+        assert first == START_NS + STEP_NS
+        assert abs(last - (START_NS + 6 * STEP_NS)) <= 1  # the library's ends lie 1 ns behind

@@ -45,6 +45,16 @@ def test_rate_of_a_video_can_be_given(video_file):
         assert [f.stamp_ns for f in video.frames('/image')][:3] == [0, 500_000_000, 1_000_000_000]
 
 
+def test_every_recording_knows_about_when_it_is(flight_bag, video_file, image_folder):
+    for path, first_ns, length_ns in (
+        (flight_bag, START_NS, 6 * STEP_NS),
+        (video_file, 0, 625_000_000),
+        (image_folder, 0, 500_000_000),
+    ):
+        with open_recording(path) as recording:
+            assert recording.span_ns() == (first_ns, first_ns + length_ns)
+
+
 def test_rate_of_a_bag_is_refused(flight_bag):
     with pytest.raises(ConfigError, match=r'--rate 2: .* is a bag, whose frames have stamps'):
         open_recording(flight_bag, 2.0)

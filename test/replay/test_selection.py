@@ -88,6 +88,23 @@ def test_impossible_selection_is_refused(options, told):
 
 
 @pytest.mark.parametrize(
+    ('options', 'about'),
+    [
+        ({}, 100),
+        ({'start_ns': 75 * S}, 25),
+        ({'end_ns': FIRST + 10 * S}, 10),
+        ({'start_ns': 20 * S, 'end_ns': 60 * S, 'stride': 4}, 10),
+        ({'start_ns': 20 * S, 'max_frames': 7}, 7),
+        ({'start_ns': 99999 * S}, 1),
+    ],
+)
+def test_frames_to_come_are_guessed_from_the_times(options, about):
+    chosen = Selection(**options)
+    assert chosen.expected(100, (FIRST, FIRST + 100 * S)) == about
+    assert chosen.expected(100, None) == chosen.at_most(100)
+
+
+@pytest.mark.parametrize(
     ('options', 'most'), [({}, 10), ({'stride': 3}, 4), ({'stride': 3, 'max_frames': 2}, 2)]
 )
 def test_number_of_frames_to_come(options, most):
