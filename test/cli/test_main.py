@@ -35,11 +35,17 @@ def test_every_verb_has_help(rsmb, verb):
     assert output in done.out
 
 
-@pytest.mark.parametrize('arguments', [(), ('fly',), ('detect',), ('replay', 'a.mcap')])
+@pytest.mark.parametrize('arguments', [(), ('fly',), ('detect',), ('replay',)])
 def test_wrong_usage_exits_with_2(rsmb, arguments):
     done = rsmb(*arguments)
     assert done.code == 2
     assert 'usage: rsmb' in done.err
+
+
+def test_replay_says_what_an_output_is_needed_for(rsmb):
+    done = rsmb('replay', 'a.mcap')
+    assert done.code == 2
+    assert '-o OUT.mcap is missing' in done.err
 
 
 @pytest.mark.parametrize(

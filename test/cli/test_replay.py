@@ -156,7 +156,7 @@ def test_report_without_a_folder_is_refused_before_the_work(replay, flight_bag, 
     path = tmp_path / 'gone' / 'r.html'
     done, _ = replay(flight_bag, '--report', path)
     assert done.code == 1
-    assert f'{path}: cannot be written: no folder {path.parent}' in done.err
+    assert f'{path}: cannot be written: there is no folder {path.parent}' in done.err
 
 
 def test_one_line_says_what_came_out_and_a_pipe_stays_quiet(replay, flight_bag):
