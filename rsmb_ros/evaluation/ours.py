@@ -36,6 +36,11 @@ class Ours:
     def __init__(self, config: Config, settings: Mapping[str, object] | None = None) -> None:
         self._config = config.replaced(dict(settings or {})).for_one_frame()
 
+    @property
+    def gamma(self) -> float:
+        """Tone curve that it sums light by."""
+        return self._config.camera.gamma
+
     def __call__(self, reference: np.ndarray, live: np.ndarray, focal_px: float | None) -> Outcome:
         """Compare a live frame with the reference."""
         camera = Camera(focal_px) if focal_px else None
