@@ -10,22 +10,17 @@ from scipy.ndimage import spline_filter1d
 
 from rsmb_ros.core.camera import Camera
 from rsmb_ros.core.motion import CameraPath, Grid, coordinates_from_poses
-from rsmb_ros.core.photometric import LUMA_WEIGHTS, Light, luma
+from rsmb_ros.core.photometric import luma
 from rsmb_ros.core.reference import Reference
 from rsmb_ros.core.render import blurred
-from rsmb_ros.core.sampling import colour_of
+from rsmb_ros.core.sampling import planes_of
+from rsmb_ros.core.seen_light import SeenLight
 from rsmb_ros.core.workers import Workers
 
 from .case import Case, TrueMotion
 
 APART = 5  # px from changes, layers and what these hide, from which on ground is plain
-ROW_STEP = 3  # rows between those that the light is fitted on
-STEPS = 15  # of the light's fit, at most
-STANDS = 1e-4  # of each unknown; a smaller step ends the fit
-OUTLIER = 4.685  # standard deviations, where Tukey's loss ends
-MIN_SIGMA = 0.5  # grey levels
 PAD = 4  # rows the path goes on beyond the exposures of the frame
-DARKEST = np.float32(0.25)  # linear light that the tone curve is straight below
 
 
 @dataclass(frozen=True)
@@ -79,10 +74,10 @@ def true_prediction(case: Case, gamma: float, threads: int = 2) -> TruePredictio
     path = path_of(motion, Grid((rows, cols), reference_shape, focal))
     reference = Reference(case.reference, gamma)
     with Workers(threads) as executor:
-        sharp = [blurred(plane, path, executor) for plane in _planes(reference.fine_colours)]
-        soft = [blurred(plane, path, executor)[0] for plane in _planes(reference.softer_colours)]
+        sharp = [blurred(plane, path, executor) for plane in planes_of(reference.fine_colours)]
+        soft = [blurred(plane, path, executor)[0] for plane in planes_of(reference.softer_colours)]
     where = plain_ground(case, motion) & sharp[0][1]
-    seen = _Seen(np.stack([image for image, _ in sharp]), np.stack(soft), gamma)
+    seen = SeenLight(np.stack([image for image, _ in sharp]), np.stack(soft), gamma)
     return TruePrediction(seen.shown(seen.fitted(luma(case.live), where)), where)
 
 
@@ -130,76 +125,3 @@ def plain_ground(case: Case, motion: TrueMotion) -> np.ndarray:
 def _grown(mask: np.ndarray, radius: int) -> np.ndarray:
     size = 2 * radius + 1
     return cv2.dilate(mask.astype(np.uint8), np.ones((size, size), np.uint8)) > 0
-
-
-def _planes(fine: np.ndarray) -> list[np.ndarray]:
-    """Return each colour (2M, 2N) of a half-pixel image, grey or `side_by_side`."""
-    if fine.ndim == 2:
-        return [fine]
-    return [np.ascontiguousarray(colour_of(fine, c)) for c in range(fine.shape[3])]
-
-
-class _Seen:
-    """
-    What the live camera shows of light (C, M, N) float32, whatever its exposure and lens.
-
-    Unknowns: gain a_0..a_3 and bias of `photometric.Light`, and the defocus [px^2], of which
-    `soft` says what 1 px^2 adds.
-    """
-
-    def __init__(self, sharp: np.ndarray, soft: np.ndarray, gamma: float) -> None:
-        self._sharp = sharp
-        self._soft = soft
-        self._gamma = gamma
-        self._weights = LUMA_WEIGHTS if len(sharp) == 3 else np.ones(1, np.float32)
-
-    def fitted(self, live: np.ndarray, where: np.ndarray) -> np.ndarray:
-        """Return the unknowns (6,) that explain grey levels `live` (M, N) best, by Tukey's loss."""
-        unknowns = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-        part = np.zeros(where.shape, bool)
-        part[::ROW_STEP] = where[::ROW_STEP]
-        if not part.any():
-            return unknowns
-        # x, y, r^2 at each pixel, as the gain's polynomial takes them
-        terms = np.stack([Light(row, 0.0).gain_field(where.shape)[part] for row in np.eye(4)])
-        sharp, soft, values = self._sharp[:, part], self._soft[:, part], live[part]
-        for _ in range(STEPS):
-            residual, columns = self._linearised(unknowns, sharp, soft, terms, values)
-            sigma = max(MIN_SIGMA, 1.4826 * float(np.median(np.abs(residual))))
-            inner = np.maximum(0.0, 1.0 - (residual / (OUTLIER * sigma)) ** 2)
-            weighted = columns * inner**2
-            step = np.linalg.lstsq(weighted @ columns.T, weighted @ residual, rcond=1e-10)[0]
-            unknowns = unknowns + step
-            if (np.abs(step) < STANDS).all():
-                break
-        return unknowns
-
-    def shown(self, unknowns: np.ndarray) -> np.ndarray:
-        """Grey levels (M, N) float32 of all pixels."""
-        light = Light(unknowns[:4], float(unknowns[4]))
-        seen = self._sharp + np.float32(unknowns[5]) * self._soft
-        display = light.apply(np.moveaxis(seen, 0, 2), self._gamma)
-        return (display @ self._weights).astype(np.float32)
-
-    def _linearised(
-        self,
-        unknowns: np.ndarray,
-        sharp: np.ndarray,
-        soft: np.ndarray,
-        terms: np.ndarray,
-        values: np.ndarray,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return residuals (n,) and the derivatives (6, n) of the display values."""
-        gain = unknowns[:4] @ terms
-        shown = np.zeros(len(values))
-        columns = np.zeros((6, len(values)))
-        for weight, light, softer in zip(self._weights, sharp, soft, strict=True):
-            seen = light + unknowns[5] * softer
-            linear = np.clip(gain * seen + unknowns[4], DARKEST, 255.0)
-            display = weight * 255.0 * (linear / 255.0) ** (1.0 / self._gamma)
-            slope = np.where(linear < 255.0, display / (self._gamma * linear), 0.0)
-            shown += display
-            columns[:4] += terms * (slope * seen)
-            columns[4] += slope
-            columns[5] += slope * gain * softer
-        return values - shown, columns
