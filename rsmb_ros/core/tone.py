@@ -23,13 +23,12 @@ from .types import Result
 
 USUAL = CameraConfig().gamma  # where nothing can be said, and where the search starts
 ASKED = (1.0, 1.5, 2.0, 2.5, 3.0)
-SHARPENED = (0.0, 0.3, 0.6)  # share of an unsharp mask that the camera may have added
+SHARPENED = 0.12  # share of an unsharp mask that cameras add: most none, some .2 to .8
 MASK_SIGMA = 1.0  # px, of that mask
-ROUNDS, DAMPED = 6, 0.8  # of undoing it: what is left is below a hundredth
+ROUNDS = 3  # of undoing it: what is left is below a thousandth
 STEP = 0.1  # of what is believed: finer changes nothing, and a reference prepared serves longer
 OUTLIER = 8.0  # grey levels; residuals beyond count as that
-CLEAR = 1.2  # of the least mean square, that the worst of `ASKED` must have
-INDEPENDENT = 200.0  # errors that a frame's are worth: those of neighbours are alike
+CLEAR = 1.1  # of the least mean square, that the worst of `ASKED` must have
 HELD_AFTER = 5  # frames of a stream that said something
 
 
@@ -38,7 +37,7 @@ def estimated_gamma(frame: PathFrame, change: np.ndarray, image: np.ndarray) -> 
     Find the exponent of the tone curve that explains a registered frame best.
 
     The path stays as it is: what other curves would do to it is little. What the camera has
-    sharpened is undone, by strengths weighed by how well they explain the frame.
+    sharpened is undone, as far as cameras usually do; how far this one did is not to be told apart.
 
     Parameters
     ----------
@@ -58,14 +57,10 @@ def estimated_gamma(frame: PathFrame, change: np.ndarray, image: np.ndarray) -> 
     where = frame.judged & ~change
     if not where.any():
         return None
-    costs = np.stack([_costs(_Unsharpened(frame, image, share), where) for share in SHARPENED])
+    costs = _costs(_Unsharpened(frame, image), where)
     if costs.max() < CLEAR * costs.min():
         return None
-    # how strong the sharpening was is known no better than the curve: both are weighed
-    least = costs.min(axis=1)
-    weights = np.exp(-0.5 * INDEPENDENT * (least / least.min() - 1.0))
-    found = np.array([_lowest(row) for row in costs])
-    return STEP * round(float(weights @ found / weights.sum()) / STEP)
+    return STEP * round(_lowest(costs) / STEP)
 
 
 def _costs(frame: _Unsharpened, where: np.ndarray) -> np.ndarray:
@@ -97,12 +92,11 @@ class _Unsharpened:
     per tenth.
     """
 
-    def __init__(self, frame: PathFrame, image: np.ndarray, sharpening: float) -> None:
+    def __init__(self, frame: PathFrame, image: np.ndarray) -> None:
         self._frame = frame
-        self._sharpening = sharpening
         planes = [image] if image.ndim == 2 else np.moveaxis(image, 2, 0)
-        self._planes = [self._before(plane.astype(np.float32)) for plane in planes]
-        self._live = self._before(frame.grey)
+        self._planes = [_unsharpened(plane.astype(np.float32)) for plane in planes]
+        self._live = _unsharpened(frame.grey)
 
     def residual(self, gamma: float, where: np.ndarray) -> np.ndarray:
         """What a curve leaves unexplained of the frame (M, N) [grey levels]."""
@@ -110,21 +104,20 @@ class _Unsharpened:
         sharp = [self._frame.light_seen(half_pixel(light)) for light in lights]
         soft = [self._frame.light_seen(half_pixel(softened(light, 1.0))) for light in lights]
         seen = SeenLight(np.stack(sharp), np.stack(soft), gamma)
-        return self._sharpened(self._live - seen.shown(seen.fitted(self._live, where)))
+        return _sharpened(self._live - seen.shown(seen.fitted(self._live, where)))
 
-    def _sharpened(self, image: np.ndarray) -> np.ndarray:
-        if not self._sharpening:
-            return image
-        return image + self._sharpening * (image - cv2.GaussianBlur(image, (0, 0), MASK_SIGMA))
 
-    def _before(self, image: np.ndarray) -> np.ndarray:
-        """Undo the sharpening of display values (M, N)."""
-        if not self._sharpening:
-            return image
-        found = image
-        for _ in range(ROUNDS):
-            found = found + DAMPED * (image - self._sharpened(found))
-        return np.clip(found, 0, 255)
+def _sharpened(image: np.ndarray) -> np.ndarray:
+    """Add an unsharp mask to display values (M, N)."""
+    return image + SHARPENED * (image - cv2.GaussianBlur(image, (0, 0), MASK_SIGMA))
+
+
+def _unsharpened(image: np.ndarray) -> np.ndarray:
+    """Take it away again."""
+    found = image
+    for _ in range(ROUNDS):
+        found = found + image - _sharpened(found)
+    return np.clip(found, 0, 255)
 
 
 def probing(config: Config) -> Config:

@@ -62,8 +62,9 @@ def test_blurred_frame_tells_its_curve(taken, gamma):
     np.testing.assert_array_equal(result.residual, again.residual)
 
 
-def test_sharpening_is_not_taken_for_another_curve(taken):
-    reference, (live,) = taken(2.2, sharpening=0.6)
+@pytest.mark.parametrize('sharpening', [0.2, 0.4])
+def test_some_sharpening_is_not_taken_for_another_curve(taken, sharpening):
+    reference, (live,) = taken(2.2, sharpening=sharpening)
     found = detector(reference)
     found.detect(live)
     assert found.gamma == pytest.approx(2.2, abs=0.3)
