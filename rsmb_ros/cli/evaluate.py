@@ -145,7 +145,9 @@ def _write(results: Results, sources: list[_Source], args: argparse.Namespace) -
         report = Report('rsmb evaluate', len(sheets), full=len(sheets), legend=LEGEND)
         for index, (score, sheet) in enumerate(sheets):
             report.add(index, score.case, outcome_line(score), {'contact sheet': sheet})
-        report.write(args.report, results.summary(), results.tables())
+        statics = results.static_table()
+        tables = [*results.tables(), *([statics] if statics else [])]
+        report.write(args.report, results.summary(), tables)
         write_whole(args.report.with_suffix('.json'), results.as_json().encode())
     if args.markdown:
         frequencies = {source.name: source.frequencies for source in sources}

@@ -85,7 +85,11 @@ class CameraConfig:
         0.0, 'px', 0.0, 1e5, 'focal length; 0 = from camera_info, else 0.9 x image width'
     )
     gamma: float = _number(
-        2.2, '-', 1.0, 3.0, 'display value = light^(1/gamma); light adds up in a blur, not display'
+        2.2,
+        '-',
+        0.0,
+        3.0,
+        'display value = light^(1/gamma), 1 or more; 0 = estimated: seconds a frame, 5 of a stream',
     )
 
 
@@ -234,6 +238,11 @@ class Config:
         values = self.flat()
         for parameter in parameters():
             parameter.check(values[parameter.name])
+        if 0.0 < self.camera.gamma < 1.0:
+            raise ConfigError(
+                f'camera.gamma = {self.camera.gamma!r} is not allowed: must be 0 (estimated) or '
+                '1 to 3'
+            )
         if self.change.threshold_low >= self.change.threshold_high:
             raise ConfigError(
                 f'change.threshold_low = {self.change.threshold_low!r} must be below '

@@ -13,11 +13,10 @@ from threadpoolctl import ThreadpoolController
 from .agreement import MIN_SHARPNESS, agreement, sharpness
 from .camera import Camera
 from .change_finder import ChangeFinder
+from .checks import checked_image, checked_layers
 from .clock import Clock
 from .coarse import CoarseSearch, StripMatches
 from .config import Config
-from .depth_map import DepthMap, checked_depth
-from .errors import ConfigError, FrameError
 from .features import FeatureSearch
 from .frame import BlankViews, PathFrame, RegisteredFrame
 from .layered_frame import LayeredStage
@@ -31,10 +30,10 @@ from .reference import Reference
 from .row_frame import RowStage
 from .segmentation import Blob
 from .stream import StreamMemory
+from .tone import USUAL, ToneSearch, probing
 from .types import NOT_REGISTERED, Result
 from .workers import Workers
 
-MIN_SIZE = 32  # px, smaller frames hold nothing to register by
 MIN_CONTRAST = 1.5  # grey levels; an image flatter than this has no texture
 NO_SEARCH = {'layers.enabled': False}  # of depths, where they are known
 
@@ -82,17 +81,32 @@ class Detector:
         config: Config = Config(),
         depth: np.ndarray | None = None,
     ) -> None:
-        self.reference = _checked(reference, 'reference')
+        self.reference = checked_image(reference, 'reference')
         self.config = config
         self._camera = camera
-        layers = None if depth is None else _layers(depth, self.reference, config)
+        layers = None if depth is None else checked_layers(depth, self.reference, config)
         self._executor = Workers(config.worker.threads)
         searched = config if layers is None else config.replaced(NO_SEARCH)
         self._finder = ChangeFinder(searched, self._executor)
-        self._reference = Reference(self.reference, config.camera.gamma, layers)
+        self._reference = Reference(self.reference, config.camera.gamma or USUAL, layers)
+        self._tones: ToneSearch | None = None
+        if config.camera.gamma == 0 and config.registration.estimator == 'path':
+            probe = Detector(reference, camera, probing(config), depth)
+            self._tones = ToneSearch(self.reference, config.stream.hold, probe.detect)
         self._stages: dict[tuple[int, int], _Stages] = {}
         self._memory = StreamMemory()
         self._regions = RegionMemory(config.change)
+
+    @property
+    def gamma(self) -> float:
+        """Exponent of the tone curve of the last frame, given or estimated."""
+        return self._reference.gamma
+
+    def _show_by(self, gamma: float) -> None:
+        """Take another tone curve from now on."""
+        if gamma != self._reference.gamma:
+            self._reference = Reference(self.reference, gamma, self._reference.depth)
+            self._stages = {}
 
     def camera_for(self, width: int) -> Camera:
         """Return the intrinsics used for live frames of `width` px."""
@@ -130,7 +144,7 @@ class Detector:
 
         For who detects frames in several processes and lets `remembered` follow in their order.
         """
-        live = _checked(live, 'live frame')
+        live = checked_image(live, 'live frame')
         # small systems: a threaded BLAS is slower, and collapses when other processes are busy
         with _BLAS.limit(limits=1, user_api='blas'):
             return self._detect(live)
@@ -141,6 +155,9 @@ class Detector:
         problem = self._without_texture(grey)
         if problem:
             return Outcome(self._not_registered(live, problem, clock))
+        if self._tones:
+            with clock.step('tone curve'):
+                self._show_by(self._tones.gamma_for(live))
         coarse, features, stage = self._stages_for(grey.shape)
         frame: RegisteredFrame | None = self._following(coarse, stage, live, grey, clock)
         if frame is None:
@@ -215,7 +232,8 @@ class Detector:
             grid = Grid(shape, self._reference.grey.shape, self.camera_for(shape[1]).focal_px)
             fraction = self.config.registration.search_fraction
             coarse = CoarseSearch(self._reference.grey, grid, fraction, self._executor)
-            stage = self._stage_class(self._reference, grid, self.config, self._executor)
+            config = self.config.replaced({'camera.gamma': self.gamma})
+            stage = self._stage_class(self._reference, grid, config, self._executor)
             features = FeatureSearch(self._reference.grey, grid)
             self._stages = {shape: (coarse, features, stage)}  # one size at a time: memory
             self._memory = StreamMemory()
@@ -296,26 +314,3 @@ def warm_up(config: Config = Config(), depth: bool = False) -> None:
     if isinstance(result.views, RegisteredFrame):
         mask = np.ones((8, 8), bool)  # nothing here is at another depth by itself
         result.views.foreground([Layer(Blob(mask, 60, 60), mask, Place(0.8), 1.0)])
-
-
-def _checked(image: np.ndarray, name: str) -> np.ndarray:
-    ok = isinstance(image, np.ndarray) and image.dtype == np.uint8
-    if not ok or image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)):
-        known = isinstance(image, np.ndarray)
-        what = f'{image.dtype} {image.shape}' if known else type(image).__name__
-        raise FrameError(f'{name} is {what}, must be uint8 of shape (M, N) or (M, N, 3) in BGR')
-    if min(image.shape[:2]) < MIN_SIZE:
-        raise FrameError(
-            f'{name} is {image.shape[0]}x{image.shape[1]} px, '
-            f'must be at least {MIN_SIZE}x{MIN_SIZE}'
-        )
-    return image
-
-
-def _layers(depth: np.ndarray, reference: np.ndarray, config: Config) -> DepthMap:
-    """Return the layers of a known depth; only the path estimator takes them."""
-    if config.registration.estimator == 'rows':
-        raise ConfigError(
-            'registration.estimator = rows takes no depth map: must be path, or give no depth'
-        )
-    return DepthMap(checked_depth(depth, reference.shape))

@@ -259,6 +259,10 @@ class PathFrame(RegisteredFrame):
         gamma, light = self._reference.gamma, self.fit.light
         return shown(self._fine_colours, path, light, gamma, self._executor, depth, window)
 
+    def light_seen(self, fine: np.ndarray) -> np.ndarray:
+        """Return what of a reference's light (2M, 2N), half pixels, falls on each pixel (M, N)."""
+        return blurred(fine, self.path, self._executor)[0]
+
     def energy(self, noise: NoiseTable) -> DepthEnergy:
         """Return what compares depths at which objects of this frame may lie, in grey."""
         sight = Sight(self._fine, self.path, self.fit.light, self._reference.gamma)

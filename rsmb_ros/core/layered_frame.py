@@ -36,6 +36,10 @@ class LayeredFrame(PathFrame):
         complete = (seen.sure > KNOWN) & ~self._scene.unknown()
         return Shown(self.fit.light.apply(seen.image, self._reference.gamma), None, complete)
 
+    def light_seen(self, fine: np.ndarray) -> np.ndarray:
+        """Return what of a reference's light (2M, 2N), half pixels, falls on each pixel (M, N)."""
+        return self._scene.render(fine).image
+
     def rectified(self) -> np.ndarray:
         """Return the live image in the geometry of the reference, 0 where something hides it."""
         depth = self._reference.depth

@@ -53,6 +53,13 @@ def colour_of(beside: np.ndarray, c: int) -> np.ndarray:
     return beside[..., c].transpose(0, 2, 1).reshape(rows, 2 * columns)
 
 
+def planes_of(fine: np.ndarray) -> list[np.ndarray]:
+    """Return each colour (2M, 2N) of an image that is `half_pixel` or `side_by_side`."""
+    if fine.ndim == 2:
+        return [fine]
+    return [np.ascontiguousarray(colour_of(fine, c)) for c in range(fine.shape[3])]
+
+
 def softened(image: np.ndarray, pixel: float) -> np.ndarray:
     """
     Return what defocus of 1 px^2 adds to an image (M, N) float32, a pixel of it being `pixel` px.

@@ -14,9 +14,11 @@ from sklearn.metrics import confusion_matrix
 
 from rsmb_ros.core.photometric import luma
 
-from .case import Case, TrueMotion
+from .case import Case
 from .matching import TOUCH_PX
-from .methods import Outcome
+from .methods import Outcome, Registration
+from .statics import StaticObject, static_objects
+from .true_path import TruePrediction
 
 CHANGED, UNCHANGED, RIM, OUTSIDE = 255, 0, 170, 85  # labels of CDnet (Goyette et al. 2012)
 # Share of the frame, 80 px at 640x480: what ignored pixels leave of a region or an object is
@@ -64,8 +66,9 @@ class RegistrationScores:
     psnr: float = NAN  # [dB]
     rmse_clean: float = NAN  # registered against live without its noise [grey levels]
     psnr_clean: float = NAN  # [dB]
+    rmse_true_path: float = NAN  # what the true path leaves where it is judged [grey levels]
+    times_true_path: float = NAN  # what the method leaves there over that
     exposure_error: float = NAN  # |estimated - true| / true
-    depth_errors: tuple[float, ...] = ()  # |estimated - true| relative depth of static objects
 
     @property
     def row_rmse(self) -> float:
@@ -87,6 +90,7 @@ class Score:
     objects_25: ObjectScores  # matched at IoU >= 0.25
     objects_50: ObjectScores  # matched at IoU >= 0.5
     registration: RegistrationScores
+    statics: tuple[StaticObject, ...] = ()  # layers in view
 
     @property
     def suite(self) -> str:
@@ -98,7 +102,7 @@ class Score:
         return asdict(self)
 
 
-def score(outcome: Outcome, case: Case, method: str) -> Score:
+def score(outcome: Outcome, case: Case, method: str, truth: TruePrediction | None = None) -> Score:
     """
     Measure what a method says of a case.
 
@@ -110,6 +114,8 @@ def score(outcome: Outcome, case: Case, method: str) -> Score:
     case : Case
     method : str
         Name of the method, for the tables.
+    truth : TruePrediction, optional
+        What the true path gives, where it is known.
 
     """
     valid = outcome.valid & outcome.registered
@@ -124,7 +130,8 @@ def score(outcome: Outcome, case: Case, method: str) -> Score:
         pixels=pixel_scores(change, valid, case.label),
         objects_25=object_scores(change, case.label, case.objects, 0.25),
         objects_50=object_scores(change, case.label, case.objects, 0.5),
-        registration=registration_scores(outcome, case),
+        registration=registration_scores(outcome, case, truth),
+        statics=static_objects(outcome, case, change),
     )
 
 
@@ -206,7 +213,9 @@ def object_scores(
     return ObjectScores(tp, region_count - tp, thing_count - tp, region_count - touching)
 
 
-def registration_scores(outcome: Outcome, case: Case) -> RegistrationScores:
+def registration_scores(
+    outcome: Outcome, case: Case, truth: TruePrediction | None = None
+) -> RegistrationScores:
     """
     Measure a registration on pixels that are unchanged, background and in the reference.
 
@@ -232,10 +241,10 @@ def registration_scores(outcome: Outcome, case: Case) -> RegistrationScores:
         psnr=psnr,
         rmse_clean=clean[0],
         psnr_clean=clean[1],
+        **_beside_truth(found, case.live, outcome.valid, truth),
         exposure_error=ratio(
             abs(outcome.exposure_rows - motion.exposure_rows), motion.exposure_rows
         ),
-        depth_errors=_depth_errors(outcome, motion),
     )
 
 
@@ -291,11 +300,15 @@ def _light(registered: np.ndarray, image: np.ndarray, where: np.ndarray) -> tupl
     return math.sqrt(squared), float(peak_signal_noise_ratio(expected, got, data_range=255))
 
 
-def _depth_errors(outcome: Outcome, motion: TrueMotion) -> tuple[float, ...]:
-    """|estimated - true| relative depth of each static object; true: most of its pixels'."""
-    depths = (1.0, *motion.depths)
-    return tuple(
-        abs(depth - depths[int(np.bincount(motion.layers[mask]).argmax())])
-        for mask, depth in outcome.depths
-        if mask.any()
-    )
+def _beside_truth(
+    found: Registration, live: np.ndarray, valid: np.ndarray, truth: TruePrediction | None
+) -> dict[str, float]:
+    """Compare a registration with the true path on judged, plain ground."""
+    if truth is None:
+        return {}
+    where = found.inside & valid & truth.where
+    rmse, _ = _light(truth.predicted, live, where)
+    return {
+        'rmse_true_path': rmse,
+        'times_true_path': ratio(_light(found.registered, live, where)[0], rmse),
+    }

@@ -10,6 +10,7 @@ import numpy as np
 from rsmb_ros.core import REGISTERED, Camera, Config, Detector, Result
 from rsmb_ros.core.motion import Grid
 from rsmb_ros.core.photometric import luma
+from rsmb_ros.core.tone import USUAL
 
 from .methods import Outcome, Registration
 from .warping import places_of_poses
@@ -35,6 +36,11 @@ class Ours:
 
     def __init__(self, config: Config, settings: Mapping[str, object] | None = None) -> None:
         self._config = config.replaced(dict(settings or {})).for_one_frame()
+
+    @property
+    def gamma(self) -> float:
+        """Tone curve that it sums light by, the usual one where it looks for its own."""
+        return self._config.camera.gamma or USUAL
 
     def __call__(self, reference: np.ndarray, live: np.ndarray, focal_px: float | None) -> Outcome:
         """Compare a live frame with the reference."""

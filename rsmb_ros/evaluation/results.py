@@ -14,6 +14,7 @@ from .environment import environment
 from .metrics import Score
 from .published import PUBLISHED
 from .run import CaseRun
+from .static_table import STATIC_NOTES, static_table
 from .summary import summarise, worst
 from .tables import NOTES, markdown, plain, suite_table, to_json
 
@@ -80,10 +81,17 @@ class Results:
         summaries = summarise(self.scores)
         return [suite_table(suite, summaries, PUBLISHED.get(suite, ())) for suite in self.suites]
 
+    def static_table(self) -> Table | None:
+        """Return what the shown method makes of static objects, if there are any."""
+        return static_table(self.scores, self._shown)
+
     def as_text(self) -> str:
         """Return the tables and the names of the worst cases."""
         parts = [plain(table) for table in self.tables()]
         parts += [f'{line}\n' for line in self._worst_lines()]
+        statics = self.static_table()
+        if statics:
+            return '\n'.join([*parts, plain(statics), NOTES, STATIC_NOTES])
         return '\n'.join([*parts, NOTES])
 
     def as_markdown(self, frequencies: Mapping[str, Sequence[str]]) -> str:
@@ -98,6 +106,9 @@ class Results:
         for table, suite in zip(self.tables(), self.suites, strict=True):
             lines += ['', f'## {suite}', '', markdown(table)]
             lines += [f'* {line}' for line in self._worst_lines(suite)]
+        statics = self.static_table()
+        if statics:
+            lines += ['', '## Static objects', '', STATIC_NOTES, '', markdown(statics)]
         return '\n'.join(lines) + '\n'
 
     def as_json(self) -> str:

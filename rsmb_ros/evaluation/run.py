@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from rsmb_ros.core.config import Config
@@ -14,8 +14,10 @@ from .metrics import Score, score
 from .ours import NAME, Ours
 from .rivals import RIVALS, Attempt, Rival
 from .suites import Suite
+from .true_path import true_prediction
 
 KNOWN_METHODS = (NAME, *RIVALS)
+GAMMA = Config().camera.gamma  # of the true path's light where ours is not measured
 
 
 @dataclass(frozen=True)
@@ -55,8 +57,9 @@ def settings_of(suite: Suite, nuisances: str) -> Mapping[str, object]:
     return suite.settings if nuisances == 'usual' else {}
 
 
-def run_case(case: Case, methods: Iterable[Method]) -> CaseRun:
+def run_case(case: Case, methods: Sequence[Method]) -> CaseRun:
     """Measure every method on one case; rivals with the same registrar register once."""
+    gamma = next((method.gamma for method in methods if isinstance(method, Ours)), GAMMA)
     outcomes: dict[str, Outcome] = {}
     attempts: dict[Registrar, Attempt] = {}
     for method in methods:
@@ -68,5 +71,6 @@ def run_case(case: Case, methods: Iterable[Method]) -> CaseRun:
             outcomes[method.name] = method.judge(case.live, attempts[method.registrar])
         else:
             outcomes[method.name] = method(case.reference, case.live, case.focal_px)
-    scores = {name: score(outcome, case, name) for name, outcome in outcomes.items()}
+    truth = true_prediction(case, gamma)
+    scores = {name: score(outcome, case, name, truth) for name, outcome in outcomes.items()}
     return CaseRun(case, outcomes, scores)

@@ -71,6 +71,8 @@ class Summary:
     psnr: float  # [dB]
     rmse_clean: float  # against live without its noise [grey levels]
     psnr_clean: float  # [dB]
+    times_true_path: float  # RMSE over what the true path gives, median over cases
+    times_true_path_p90: float
     exposure_error: float  # relative, median over cases
     depth_error: float  # of relative depths, median over static objects
     seconds: float  # median over cases
@@ -169,8 +171,10 @@ def _summary(scores: Sequence[Score], base_seconds: float) -> Summary:
         psnr=median(one.psnr for one in found),
         rmse_clean=median(one.rmse_clean for one in found),
         psnr_clean=median(one.psnr_clean for one in found),
+        times_true_path=median(one.times_true_path for one in found),
+        times_true_path_p90=percentile((one.times_true_path for one in found), 90),
         exposure_error=median(one.exposure_error for one in found),
-        depth_error=median(error for one in found for error in one.depth_errors),
+        depth_error=median(one.error for score in scores for one in score.statics),
         seconds=median(seconds),
         seconds_q1=percentile(seconds, 25),
         seconds_q3=percentile(seconds, 75),

@@ -20,14 +20,14 @@ def evidence(peak):
     return strength
 
 
-def test_score_is_even_at_the_default_threshold_and_grows_with_the_evidence():
+def test_score_grows_with_the_evidence():
     scores = [
         change_score(BLOB, evidence(peak), JUDGED) for peak in (3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
     ]
     assert scores == sorted(scores)
-    assert scores[2] == pytest.approx(0.5, abs=0.02)
-    assert scores[0] < 0.1
-    assert scores[-1] > 0.95
+    assert scores[0] < 0.05
+    assert 0.2 < scores[2] < 0.5  # at the default threshold: to be looked at
+    assert scores[-1] > 0.8
 
 
 def test_score_has_a_value_without_any_evidence():

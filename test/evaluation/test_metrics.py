@@ -18,6 +18,7 @@ from rsmb_ros.evaluation.metrics import (
     registration_scores,
     score,
 )
+from rsmb_ros.evaluation.true_path import TruePrediction
 
 SHAPE = (120, 160)
 LEFT_PX = math.ceil(LEFTOVER * SHAPE[0] * SHAPE[1])  # 5 px
@@ -251,7 +252,6 @@ def test_perfect_registration_has_no_error():
     assert (found.t_x_rmse, found.t_y_rmse, found.row_max, found.row_rmse) == (0, 0, 0, 0)
     assert (found.rmse, found.psnr, found.exposure_error) == (0, math.inf, 0)
     assert math.isnan(found.rmse_clean)
-    assert found.depth_errors == ()
 
 
 def test_errors_of_rows_are_their_means():
@@ -308,21 +308,18 @@ def test_exposure_error_is_relative():
     assert math.isnan(registration_scores(outcome(exposure_rows=3.0), snap).exposure_error)
 
 
-def test_depth_is_compared_with_that_of_most_pixels():
-    layers = np.zeros(SHAPE, np.uint8)
-    layers[mask(CAR)] = 2
-    row, col, rows, cols = CAR
+def test_true_path_is_compared_on_judged_plain_ground():
+    predicted, registered = (live_image() + np.float32(off) for off in (2, 3))
+    where, valid, inside = ~mask(CAR), ~mask(VAN), ~mask((0, 150, 120, 10))
+    elsewhere = ~(where & valid & inside)
+    predicted[elsewhere] = registered[elsewhere] = np.nan
     found = registration_scores(
-        outcome(
-            depths=(
-                (mask((row - 5, col - 5, rows + 5, cols + 5)), 0.75),
-                (mask(VAN), 0.9),  # on the ground
-                (mask(), 0.1),
-            )
-        ),
-        case(motion=motion(layers=layers, depths=(0.5, 0.8))),
+        outcome(registration=registration(registered=registered, inside=inside), valid=valid),
+        case(motion=motion()),
+        TruePrediction(predicted, where),
     )
-    assert found.depth_errors == pytest.approx((0.05, 0.1))
+    assert found.rmse_true_path == pytest.approx(2)
+    assert found.times_true_path == pytest.approx(1.5)
 
 
 def test_unknown_motion_leaves_only_the_light():
@@ -338,7 +335,7 @@ def test_frame_without_background_has_no_errors():
     found = registration_scores(
         outcome(registration=nowhere), case(motion=motion(clean=live_image()))
     )
-    assert all(math.isnan(value) for name, value in vars(found).items() if name != 'depth_errors')
+    assert all(math.isnan(value) for value in vars(found).values())
 
 
 # ---- all of it

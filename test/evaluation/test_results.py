@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from rsmb_ros.evaluation.methods import Outcome, Registration
 from rsmb_ros.evaluation.metrics import ObjectScores, PixelScores, RegistrationScores, Score
 from rsmb_ros.evaluation.results import WORST, Results, outcome_line
 from rsmb_ros.evaluation.run import CaseRun
+from rsmb_ros.evaluation.static_table import STATIC_NOTES
+from rsmb_ros.evaluation.statics import StaticObject
 from rsmb_ros.evaluation.tables import NOTES
 
 ROWS, COLS = 48, 64
@@ -188,3 +191,16 @@ def test_library_installed_by_another_name_is_no_error(monkeypatch):
     """Of apt, OpenCV has no wheel's name."""
     monkeypatch.setattr('rsmb_ros.evaluation.environment._LIBRARIES', ('no-such-wheel',))
     assert environment()['no-such-wheel'] == 'installed otherwise'
+
+
+def test_static_objects_have_a_table_of_their_own(results):
+    one = ran('layered/00', f=0.5)
+    known = StaticObject(0.8, 0.81, 6.0, 5.0, 8.0, False)
+    results.add(
+        replace(one, scores={n: replace(s, statics=(known,)) for n, s in one.scores.items()})
+    )
+    assert 'static objects, rsmb\n' in results.as_text()
+    assert results.as_text().endswith(STATIC_NOTES)
+    lines = results.as_markdown({}).splitlines()
+    assert lines.index('## Static objects') > lines.index('## layered')
+    assert '| layered | all | 1 | 100 | 0.010 / 0.010 | 100 | 0 of 1 |' in lines

@@ -6,6 +6,7 @@ import math
 import pytest
 
 from rsmb_ros.evaluation.metrics import ObjectScores, PixelScores, RegistrationScores, Score
+from rsmb_ros.evaluation.statics import StaticObject
 from rsmb_ros.evaluation.summary import mean, median, percentile, summarise, worst
 
 NAN = math.nan
@@ -80,9 +81,17 @@ def test_registration_is_over_the_cases_that_have_it():
     assert math.isnan(found.rmse_clean)
 
 
-def test_depth_errors_are_those_of_all_static_objects():
-    errors = [RegistrationScores(depth_errors=each) for each in ((), (0.1, 0.2), (0.4,))]
-    assert only([score(registration=error) for error in errors]).depth_error == 0.2
+def test_depth_error_is_that_of_all_static_objects_found():
+    objects = [StaticObject(0.8, found, 5.0, 3.0, 8.0, False) for found in (0.9, 1.0, 0.4, NAN)]
+    found = only([score(), score(statics=objects[:2]), score(statics=objects[2:])])
+    assert found.depth_error == pytest.approx(0.2)
+
+
+def test_misfit_beside_the_true_path_is_over_cases():
+    errors = [RegistrationScores(times_true_path=1 + 0.1 * n) for n in range(11)]
+    found = only([*(score(registration=error) for error in errors), lost(), score()])
+    assert found.times_true_path == pytest.approx(1.5)
+    assert found.times_true_path_p90 == pytest.approx(1.9)
 
 
 def test_equal_images_have_an_infinite_psnr():
