@@ -54,7 +54,7 @@ def samples_of(case: Case, config: Config) -> Iterator[Sample]:
     """
     config = config.replaced(LOW)
     detector = Detector(case.reference, Camera(case.focal_px) if case.focal_px else None, config)
-    finder = detector._finder = _Keeping(config)
+    finder = detector._finder = _Keeping(config, detector._executor)
     detector.detect(case.live)
     if finder.last is None:
         return
