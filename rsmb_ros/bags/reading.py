@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from typing import Any
 from rosbags.interfaces import Connection
 
 from rsmb_ros.core.errors import BagError
+from rsmb_ros.messages.camera_info import Intrinsics, intrinsics_from_msg
 from rsmb_ros.messages.errors import MalformedMessage
 from rsmb_ros.messages.images import image_from_compressed, image_from_msg
 from rsmb_ros.messages.stamps import stamp_ns
@@ -89,18 +89,27 @@ class Bag(Recording):
         return (first, last) if first <= last else None
 
     def focal_px(self) -> float | None:
-        """Return the focal length [px] if there is exactly one camera_info topic."""
+        """Return the focal length of the binned image [px], if exactly one topic tells it."""
+        intrinsics = self.intrinsics()
+        return intrinsics.focal_px if intrinsics else None
+
+    def intrinsics(self) -> Intrinsics | None:
+        """Return what the first camera_info tells, if there is exactly one topic of them."""
         topics = [topic for topic in self.topics if topic.type == CAMERA_INFO and topic.count]
         if len(topics) != 1:
             return None
         for _, _, read in self._stored((topics[0].name,)):
             try:
                 info = read()
-                # ROS 1 calls the matrix K, ROS 2 k
-                focal = float((info.K if hasattr(info, 'K') else info.k)[0])
             except (MalformedMessage, *_NOT_AS_DEFINED):
                 continue
-            return focal if math.isfinite(focal) and focal > 0 else None
+            try:
+                return intrinsics_from_msg(info)
+            except MalformedMessage as error:
+                _log.warning('%s: %s: %s', self.path, topics[0].name, error)
+                return None
+            except _NOT_AS_DEFINED:
+                continue
         name = topics[0].name
         text = f'{self.path}: no message of {name} can be read: the focal length is not known'
         self.damage.note(name, text)

@@ -23,7 +23,9 @@ class Intrinsics:
 
 def intrinsics_from_msg(msg: Any) -> Intrinsics:
     """
-    Return the intrinsics that a CameraInfo tells; its matrix is that of the unbinned image.
+    Return the intrinsics that a CameraInfo of ROS 2 or ROS 1 tells.
+
+    Its matrix is that of the unbinned image.
 
     Raises
     ------
@@ -32,13 +34,15 @@ def intrinsics_from_msg(msg: Any) -> Intrinsics:
 
     """
     binning = max(int(msg.binning_x), 1)  # 0 means 1
-    focal_px = float(msg.k[0]) / binning
+    # ROS 1 calls them K and D
+    k, d = (msg.K, msg.D) if hasattr(msg, 'K') else (msg.k, msg.d)
+    focal_px = float(k[0]) / binning
     if not (math.isfinite(focal_px) and 0 < focal_px <= _LONGEST_PX):
         raise MalformedMessage(
             'focal length',
-            f'k[0] = {float(msg.k[0])} px, the focal length, must be above 0 and at most '
+            f'k[0] = {float(k[0])} px, the focal length, must be above 0 and at most '
             f'{_LONGEST_PX:g} after binning by {binning}',
         )
     width = int(msg.roi.width) or int(msg.width)
-    distorted = any(abs(value) > _DISTORTED for value in msg.d)
+    distorted = any(abs(value) > _DISTORTED for value in d)
     return Intrinsics(focal_px, width // binning, distorted)

@@ -5,18 +5,16 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from rsmb_ros.bags.reading import Bag
-from rsmb_ros.bags.recording import CAMERA_INFO, BagFrame
+from rsmb_ros.bags.recording import BagFrame
 from rsmb_ros.core.config import Config
 from rsmb_ros.core.errors import BagError, ConfigError
 from rsmb_ros.core.types import Region, Result
 from rsmb_ros.messages.as_json import to_json
-from rsmb_ros.messages.camera_info import Intrinsics, intrinsics_from_msg
 
 from .fixes import NAV_SAT_FIX, NoPlace, Track
 from .ground import View
@@ -181,7 +179,7 @@ def flight_of(bag: Bag, options: GeoOptions, config: Config) -> Flight:
         If the focal length is not known.
 
     """
-    lens = _lens(bag)
+    lens = bag.intrinsics()
     focal_px = config.camera.focal_px or (lens.focal_px if lens else 0.0)
     if not focal_px:
         raise ConfigError(
@@ -210,19 +208,6 @@ def fix_topic(options: GeoOptions, bag: Bag) -> str:
         remedy = 'give one with --fix TOPIC' if found else 'it cannot be placed on the earth'
         raise BagError(f'{bag.path}: --geojson: {problem} of {NAV_SAT_FIX}; {remedy}')
     return found[0]
-
-
-def _lens(bag: Bag) -> Intrinsics | None:
-    """Return what the first camera_info tells; None without one, or with several topics of it."""
-    if bag.focal_px() is None:
-        return None
-    (topic,) = (one for one in bag.topics if one.type == CAMERA_INFO and one.count)
-    _, _, message = next(bag.messages(topic.name))
-    if hasattr(message, 'K'):  # as ROS 1 calls them
-        same = ('binning_x', 'roi', 'width')
-        values = {name: getattr(message, name) for name in same}
-        message = SimpleNamespace(k=message.K, d=message.D, **values)
-    return intrinsics_from_msg(message)
 
 
 def _corners(region: Region) -> np.ndarray:

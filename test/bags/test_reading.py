@@ -181,6 +181,13 @@ def test_focal_length_comes_from_the_only_camera_info(write_topics, factory):
         assert bag.focal_px() is None
 
 
+def test_focal_length_is_that_of_the_binned_image(write_topics, factory):
+    info = factory.camera_info(factory.header(0, ''), (48, 64), 50.0)
+    info.binning_x = info.binning_y = 2
+    with Bag(write_topics({'/camera_info': info})) as bag:
+        assert bag.focal_px() == 25.0
+
+
 def test_impossible_focal_length_is_none(write_topics, factory):
     info = factory.camera_info(factory.header(0, ''), (48, 64), 0.0)
     with Bag(write_topics({'/camera_info': info})) as bag:
