@@ -62,7 +62,9 @@ def _parser(verb: str) -> argparse.ArgumentParser:
     parser.add_argument('--version', action='version', version=f'rsmb {rsmb_ros.__version__}')
     verbs = parser.add_subparsers(metavar='VERB', required=True)
     for name, summary in VERBS.items():
-        entry = verbs.add_parser(name, help=summary, description=f'{summary[:1].upper()}{summary[1:]}.')
+        entry = verbs.add_parser(
+            name, help=summary, description=f'{summary[:1].upper()}{summary[1:]}.'
+        )
         if name == verb:
             module = importlib.import_module(f'rsmb_ros.cli.{name}')
             module.add_arguments(entry)

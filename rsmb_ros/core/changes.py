@@ -10,7 +10,7 @@ from .change_finder import Finding
 from .config import ChangeConfig
 from .depth_rims import depth_rims
 from .parting import parted
-from .regions import change_region
+from .regions import change_region, in_shade
 from .segmentation import Blob, blobs, drawn, tightened, without_small, without_thin, without_weak
 from .shadows import shadow_like
 from .types import Region
@@ -46,10 +46,13 @@ def changes_of(finding: Finding, config: ChangeConfig) -> list[Change]:
         for whole in blobs(mask & (1 - rims))
         for part in parted(whole, seen, frame.judged, config)
     ]:
-        shade = shadow_like(blob, finding, config.threshold_high)
-        if not (shade and config.shadows == 'suppress'):
-            region = change_region(blob, seen.strength, frame.judged, shade)
+        region = change_region(blob, seen.strength, frame.judged)
+        if region.score < config.min_score:
+            continue
+        if not shadow_like(blob, finding, config.threshold_high):
             changes.append(Change(blob, region))
+        elif config.shadows == 'report':
+            changes.append(Change(blob, in_shade(region)))
     return changes
 
 

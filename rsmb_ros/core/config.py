@@ -164,6 +164,9 @@ class ChangeConfig:
     min_area: float = _number(
         2.6e-4, 'share of frame', 0.0, 0.5, 'smaller regions are dropped; 2.6e-4 = 80 px at 640x480'
     )
+    min_score: float = _number(
+        0.35, '-', 0.0, 1.0, 'changes of a lower score are not reported; 0 = all candidates'
+    )
     segmentation: str = _choice(
         'evidence',
         ('evidence', 'entropy'),

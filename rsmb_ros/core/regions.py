@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -23,9 +24,7 @@ WEIGHTS = (-7.82, 4.10, -3.06)
 SHADOW_SHARE = 0.5  # of its score that what looks like a shadow keeps
 
 
-def change_region(
-    blob: Blob, strength: np.ndarray, judged: np.ndarray, shadow_like: bool = False
-) -> Region:
+def change_region(blob: Blob, strength: np.ndarray, judged: np.ndarray) -> Region:
     """
     Return what is new in the live frame.
 
@@ -35,12 +34,14 @@ def change_region(
     strength : ndarray of shape (M, N), float32
         Evidence [sigma].
     judged : ndarray of shape (M, N), bool
-    shadow_like : bool
-        Whether only the light has changed there.
 
     """
-    score = change_score(blob, strength, judged) * (SHADOW_SHARE if shadow_like else 1.0)
-    return _region(blob, 'change', score, shadow_like=shadow_like)
+    return _region(blob, 'change', change_score(blob, strength, judged))
+
+
+def in_shade(region: Region) -> Region:
+    """Return a change that is one of light only."""
+    return replace(region, score=SHADOW_SHARE * region.score, shadow_like=True)
 
 
 def change_score(blob: Blob, strength: np.ndarray, judged: np.ndarray) -> float:
@@ -80,9 +81,7 @@ def static_region(layer: Layer) -> Region:
     return _region(layer.blob, 'static', min(1.0, layer.share), layer.place.relative_depth)
 
 
-def _region(
-    blob: Blob, kind: str, score: float, depth: float | None = None, shadow_like: bool = False
-) -> Region:
+def _region(blob: Blob, kind: str, score: float, depth: float | None = None) -> Region:
     rows, cols = np.nonzero(blob.mask)
     return Region(
         x=blob.x + int(cols.min()),
@@ -93,5 +92,4 @@ def _region(
         kind=kind,
         score=score,
         relative_depth=depth,
-        shadow_like=shadow_like,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -45,3 +46,14 @@ def test_what_is_left_of_a_change_must_stand_by_itself():
     judged = np.ones(SHAPE, bool)
     judged[:, :85] = False
     assert changes_of(finding(mask, strength, judged), CONFIG) == []
+
+
+def test_an_unlikely_change_is_not_reported():
+    mask = np.zeros(SHAPE, np.uint8)
+    mask[40:70, 50:90] = mask[150:180, 200:240] = 1
+    strength = np.where(mask > 0, np.float32(8.0), np.float32(1.0))
+    strength[150:180, 200:240] = 5.2
+    every = changes_of(finding(mask, strength), replace(CONFIG, min_score=0.0))
+    likely, unlikely = (one.region.score for one in every)
+    assert unlikely < CONFIG.min_score < likely
+    assert [one.region.x for one in changes_of(finding(mask, strength), CONFIG)] == [50]

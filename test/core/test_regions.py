@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from rsmb_ros.core.config import ChangeConfig
-from rsmb_ros.core.regions import RIM_PX, SHADOW_SHARE, change_region, change_score
+from rsmb_ros.core.regions import (
+    RIM_PX,
+    SHADOW_SHARE,
+    change_region,
+    change_score,
+    in_shade,
+)
 from rsmb_ros.core.segmentation import Blob, without_weak
 
 SHAPE = (120, 160)
@@ -55,7 +61,7 @@ def test_a_change_that_fills_the_frame_has_no_rim():
 
 def test_a_change_of_light_is_less_sure():
     plain = change_region(BLOB, evidence(9.0), JUDGED)
-    shade = change_region(BLOB, evidence(9.0), JUDGED, shadow_like=True)
+    shade = in_shade(plain)
     assert (plain.kind, plain.shadow_like) == ('change', False)
     assert (shade.kind, shade.shadow_like) == ('change', True)
     assert shade.score == pytest.approx(SHADOW_SHARE * plain.score)
