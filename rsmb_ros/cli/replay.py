@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='replay nothing: read every message, compare every checksum, decode every image; '
         'exit code 1 if the recording is damaged',
     )
-    _add_input_options(parser)
+    add_input_options(parser)
     parser.add_argument(
         '--report', type=Path, metavar='OUT.html', help='page with pictures of the frames'
     )
@@ -65,7 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_config_options(parser)
 
 
-def _add_input_options(parser: argparse.ArgumentParser) -> None:
+def add_input_options(parser: argparse.ArgumentParser) -> None:
     """Add what says which frames are compared with what."""
     parser.add_argument(
         '--reference',
@@ -111,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
         output=args.output,
         reference=args.reference,
         topic=args.topic,
-        selection=Selection(args.start, args.end, args.stride, args.max_frames),
+        selection=selection_of(args),
         rate=args.rate,
         config=load_config(args),
         depth=load_depth(args),
@@ -122,6 +122,11 @@ def run(args: argparse.Namespace) -> int:
     summary = replay(job, watched)
     print(f'{summary.line()} -> {args.output}')
     return 0
+
+
+def selection_of(args: argparse.Namespace) -> Selection:
+    """Return the frames that `add_input_options` tell."""
+    return Selection(args.start, args.end, args.stride, args.max_frames)
 
 
 def _check(args: argparse.Namespace) -> int:

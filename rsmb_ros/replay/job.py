@@ -66,6 +66,7 @@ class ReplayJob:
     config: Config = field(default_factory=Config)
     depth: np.ndarray | None = None  # relative depth of the only reference, see `Detector`
     workers: int = 1  # processes; 1: this one. Results do not depend on it
+    threads: int | None = None  # of each process, in place of worker.threads; not written down
     csv: Path | None = None
     report: Path | None = None  # HTML page
 
@@ -79,6 +80,12 @@ class ReplayJob:
                 f'--workers {self.workers}: with stream.hold = true each frame needs the one '
                 'before it; use --workers 1, or --set stream.hold=false'
             )
+
+    def at_work(self) -> Config:
+        """Return the configuration of the detectors; the outputs tell `config`."""
+        if self.threads is None:
+            return self.config
+        return self.config.replaced({'worker.threads': self.threads})
 
 
 def replay(job: ReplayJob, watch: Watch = unwatched) -> Summary:
@@ -136,8 +143,8 @@ def _results(
 ) -> Iterator[Compared]:
     both = pairs(recording, live, reference, picker, only_one=job.depth is not None)
     if job.workers == 1:
-        return detected(both, recording, camera, job.config, job.depth)
-    pool = stack.enter_context(WorkerPool(job.workers, camera, job.config, job.depth))
+        return detected(both, recording, camera, job.at_work(), job.depth)
+    pool = stack.enter_context(WorkerPool(job.workers, camera, job.at_work(), job.depth))
     return detected_by(pool, both, recording, job.config)
 
 
