@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import socket
 import uuid
 from collections.abc import Iterable, Iterator, Sequence
@@ -55,7 +56,7 @@ class ClusterCrew:
         self._address = address
         try:
             self._client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
-        except (OSError, ValueError) as error:  # a TimeoutError is an OSError
+        except (OSError, ValueError, asyncio.TimeoutError) as error:
             raise RsmbError(
                 f'--scheduler {address}: no Dask scheduler answers there '
                 f'({type(error).__name__}: {error}); must be tcp://HOST:PORT, as `dask scheduler` '
@@ -63,7 +64,7 @@ class ClusterCrew:
             ) from error
         try:
             self._client.wait_for_workers(1, timeout=WORKER_S)
-        except TimeoutError as error:
+        except asyncio.TimeoutError as error:  # another one than TimeoutError before Python 3.11
             self._client.close()
             raise RsmbError(
                 f'--scheduler {address}: no worker within {WORKER_S:g} s; start some with '

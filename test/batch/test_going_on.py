@@ -111,6 +111,20 @@ def test_names_stay_when_another_bag_of_the_name_comes(rsmb, write_bag, tmp_path
     assert bags == {'a': str(first), 'y-a': str(second)}
 
 
+def test_terminal_gets_a_bar_and_only_failures_as_lines(rsmb, write_bag, tmp_path, monkeypatch):
+    monkeypatch.setattr('sys.stderr.isatty', lambda: True, raising=False)
+    monkeypatch.setenv('TERM', 'xterm')
+    bags = [write_bag(tmp_path / f'{n}.mcap', n) for n in range(2)]
+    bags[1].write_bytes(b'')
+    code, lines, err = rsmb('batch', *bags, '-o', tmp_path / 'out')
+    assert code == 1
+    shown = '\n'.join([*lines, *err])
+    assert 'batch ' in shown
+    assert '100%' in shown
+    assert '1: failed: ' in shown
+    assert '0: done' not in shown
+
+
 @pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGINT])
 def test_stopped_batch_goes_on(number, rsmb, write_bag, tmp_path):
     bags = [write_bag(tmp_path / 'a.mcap', 1), write_bag(tmp_path / 'b.mcap', 2, frames=200)]
