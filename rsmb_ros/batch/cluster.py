@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import socket
+import time
 import uuid
+from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +21,7 @@ from .tasks import Outcome, Stopped, Task, carried_out
 
 CONNECT_S = 20.0
 WORKER_S = 60.0  # for the first worker to be there
+ALONE_S = 600.0  # without any later: a cluster may be given new ones
 GONE = ('cancelled', 'released', 'forgotten')  # states of a task nobody waits for
 
 T = TypeVar('T')
@@ -71,6 +74,7 @@ class ClusterCrew:
                 f'`dask worker {address} --nthreads 1`'
             ) from error
         self._futures: list[Any] = []
+        self._last_s = time.monotonic()  # when there was a worker
 
     def __enter__(self) -> ClusterCrew:
         return self
@@ -89,20 +93,42 @@ class ClusterCrew:
         """Iterate over the outcomes, each as soon as it is there."""
         ended: SimpleQueue[tuple[Task, Any]] = SimpleQueue()
         batch = uuid.uuid4().hex
-        for task in tasks:
-            key = f'rsmb-{task.name}-{batch}'
-            future = self._client.submit(in_worker, task, key=key, pure=False)
-            self._futures.append(future)
-            future.add_done_callback(lambda one, task=task: ended.put((task, one)))
-        left = len(tasks)
-        while left:
+        waiting, given = deque(tasks), 0
+        while waiting or given:
             pulse()
+            # no more than begin at once: the scheduler blames a death on all that its worker holds
+            for _ in range(min(len(waiting), self._threads() - given)):
+                task = waiting.popleft()
+                key = f'rsmb-{task.name}-{batch}'
+                future = self._client.submit(in_worker, task, key=key, pure=False)
+                self._futures.append(future)
+                future.add_done_callback(lambda one, task=task: ended.put((task, one)))
+                given += 1
             try:
                 task, future = ended.get(timeout=PULSE_S)
             except Empty:
                 continue
-            left -= 1
+            given -= 1
+            self._futures.remove(future)
             yield self._outcome(task, future)
+
+    def _threads(self) -> int:
+        """Return how many recordings the workers that are there now can take."""
+        if self._client.status != 'running':
+            raise RsmbError(
+                f'--scheduler {self._address}: the scheduler is gone; what was finished is kept, '
+                'the same command goes on'
+            )
+        count, now = sum(self._client.nthreads().values()), time.monotonic()
+        if count:
+            self._last_s = now
+        elif now - self._last_s > ALONE_S:
+            raise RsmbError(
+                f'--scheduler {self._address}: no worker for {ALONE_S:g} s; what was finished is '
+                f'kept: start some with `dask worker {self._address} --nthreads 1`, then the same '
+                'command goes on'
+            )
+        return count
 
     def _outcome(self, task: Task, future: Any) -> Outcome:
         if future.status == 'finished':

@@ -10,6 +10,8 @@ import pytest
 from rsmb_ros.batch.batch import Batch, BatchJob
 from rsmb_ros.batch.cluster import ClusterCrew
 from rsmb_ros.batch.items import Item
+from rsmb_ros.batch.tasks import Task, carried_out
+from rsmb_ros.core.errors import RsmbError
 from rsmb_ros.replay.job import ReplayJob, replay
 
 distributed = pytest.importorskip('distributed')
@@ -84,6 +86,31 @@ def test_folder_that_a_worker_does_not_see_is_told(cluster, write_bag, tmp_path)
     with ClusterCrew(cluster.scheduler_address) as crew:
         (outcome,) = crew.results([task], lambda: None)
     assert outcome.reason.startswith(f'{folder}: is not there on ')
+
+
+def test_failure_of_a_worker_is_told_and_the_others_go_on(
+    cluster, write_bag, tmp_path, monkeypatch
+):
+    def dying(task):
+        if task.name == '0':
+            raise MemoryError('of the\nworker')
+        return carried_out(task)
+
+    monkeypatch.setattr('rsmb_ros.batch.cluster.in_worker', dying)
+    bags = [write_bag(tmp_path / f'{n}.mcap', n) for n in range(2)]
+    (tmp_path / 'out').mkdir()
+    batch = Batch(BatchJob([Item(bag) for bag in bags], tmp_path / 'out'))
+    ended = {e.name: e for e in batch.run(ClusterCrew(cluster.scheduler_address), lambda: None)}
+    assert ended['0'].reason == 'the worker failed: MemoryError: of the worker'
+    assert ended['1'].status == 'done'
+
+
+def test_cluster_that_loses_its_workers_is_told(cluster, monkeypatch):
+    monkeypatch.setattr('rsmb_ros.batch.cluster.ALONE_S', 0.1)
+    with ClusterCrew(cluster.scheduler_address) as crew:
+        monkeypatch.setattr(crew._client, 'nthreads', dict)
+        with pytest.raises(RsmbError, match=r'no worker for 0\.1 s; what was finished is kept'):
+            list(crew.results([Task('a', {}, '0')], lambda: None))
 
 
 def test_missing_scheduler_is_told(rsmb, tmp_path, monkeypatch):
