@@ -78,9 +78,13 @@ setup(
             'cyclonedds>=11; python_version < "3.14" and platform_machine == "x86_64"',
             'rosless>=0.5; platform_machine == "x86_64"',
         ],
+        'batch': ['distributed>=2022.12'],  # rsmb batch --scheduler; apt: python3-distributed
         'osqp': ['osqp>=1.0'],  # second solver of the row estimator
         # colcon runs pytest only if it is named here
-        'test': ['hypothesis>=6.80', 'osqp>=1.0', 'pytest>=7.4', 'setuptools'],
+        'test': [
+            *('distributed>=2022.12', 'hypothesis>=6.80', 'osqp>=1.0'),
+            *('pytest>=7.4', 'setuptools'),
+        ],
         'docs': ['mkdocs>=1.6,<2', 'mkdocs-material>=9.6', 'pymdown-extensions>=10.0'],
         # One minor version each, so that a new rule does not break an old commit.
         'dev': ['mypy~=2.4.0', 'ruff~=0.17.0', 'types-PyYAML'],

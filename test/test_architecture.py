@@ -21,6 +21,7 @@ INNER = {
     'evaluation': {'core', 'report'},
     'bags': {'core', 'messages'},
     'replay': {'core', 'messages', 'report', 'bags'},
+    'batch': {'core', 'bags', 'replay'},
 }
 FILES_AND_ROS = ('rclpy', 'rosbags', 'mcap', 'pathlib', 'shutil', 'argparse', 'yaml', 'os')
 

@@ -31,7 +31,7 @@ ROS = {
 NO_WHEEL = {'launch', 'launch_ros'}
 WITH_RCLPY = {'rcl_interfaces'}
 ROS_IF_PRESENT = {'vision_msgs'}
-IF_PRESENT = {'osqp'}  # in an extra of its own: ROS has no key for it
+IF_PRESENT = {'osqp': 'osqp', 'distributed': 'batch'}  # -> its extra: rosdep has no key for it
 # imported name -> (distribution on PyPI, rosdep key). The keys are those of rosdistro's
 # rosdep/python.yaml of 2025: all but mcap's and rosbags' (by pip) are apt packages of Ubuntu 24.04.
 LIBRARIES = {
@@ -128,8 +128,11 @@ def test_every_folder_of_code_is_a_package(build):
 def test_every_library_imported_is_declared_to_pip_and_rosdep(build, manifest):
     required = {re.match('[a-z0-9-]+', entry)[0] for entry in build['install_requires']}
     depends = {element.text for element in manifest.iter('exec_depend')}
-    used = third_party() - ROS - ROS_IF_PRESENT - IF_PRESENT
-    assert {re.match('[a-z]+', name)[0] for name in build['extras_require']['osqp']} == IF_PRESENT
+    used = third_party() - ROS - ROS_IF_PRESENT - set(IF_PRESENT)
+    for name, extra in IF_PRESENT.items():
+        (entry,) = build['extras_require'][extra]
+        assert re.match('[a-z]+', entry)[0] == name
+        assert entry in build['extras_require']['test']
     assert used <= set(LIBRARIES), 'add the new ones here, to setup.py and to package.xml'
     assert required == {LIBRARIES[name][0] for name in used}
     assert depends - ROS == {LIBRARIES[name][1] for name in used}

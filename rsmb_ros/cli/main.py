@@ -13,6 +13,7 @@ from rsmb_ros.core.errors import ConfigError, RsmbError
 VERBS = {
     'detect': 'compare one live image file with a reference',
     'replay': 'run every frame of a bag through the detector',
+    'batch': 'replay many bags, several at once, and go on where it was stopped',
     'play': 'publish the images of a bag on ROS topics',
     'demo': 'play a bag to the real node over ROS and score what it finds',
     'synth': 'make synthetic scenes with truth',

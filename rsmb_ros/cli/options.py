@@ -126,7 +126,7 @@ def load_config(args: argparse.Namespace) -> Config:
 def _read(path: Path) -> dict[str, Any]:
     """Return the parameters of the method in `path`, with dotted names."""
     try:
-        content = yaml.load(path.read_text('utf-8'), _Loader)
+        content = parse_yaml(path.read_text('utf-8'))
     except OSError as error:
         raise FileProblem(f'{path}: cannot be read: {error.strerror}') from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:
@@ -164,11 +164,16 @@ def _nodes(content: Mapping[str, Any], above: str = '') -> Iterator[tuple[str, A
                 yield from _nodes(value, name)
 
 
+def parse_yaml(text: str) -> Any:
+    """Return what a text of YAML says, numbers as the node reads them; raises `yaml.YAMLError`."""
+    return yaml.load(text, _Loader)
+
+
 def _assignment(text: str) -> tuple[str, Any]:
     name, equals, value = text.partition('=')
     if not equals:
         raise ConfigError(f'--set {text!r} must be SECTION.KEY=VALUE')
     try:
-        return name.strip(), yaml.load(value, _Loader)
+        return name.strip(), parse_yaml(value)
     except yaml.YAMLError as error:
         raise ConfigError(f'--set {text!r}: the value is not YAML') from error

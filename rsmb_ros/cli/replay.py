@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='replay nothing: read every message, compare every checksum, decode every image; '
         'exit code 1 if the recording is damaged',
     )
-    _add_input_options(parser)
+    add_input_options(parser)
     add_output_options(parser)
     parser.add_argument(
         '--workers',
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_config_options(parser)
 
 
-def _add_input_options(parser: argparse.ArgumentParser) -> None:
+def add_input_options(parser: argparse.ArgumentParser) -> None:
     """Add what says which frames are compared with what."""
     parser.add_argument(
         '--reference',
@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
         source=args.bag,
         reference=args.reference,
         topic=args.topic,
-        selection=Selection(args.start, args.end, args.stride, args.max_frames),
+        selection=selection_of(args),
         rate=args.rate,
         config=load_config(args),
         depth=load_depth(args),
@@ -112,6 +112,11 @@ def run(args: argparse.Namespace) -> int:
         raise KeyboardInterrupt('--resume goes on with it') from error
     print(f'{summary.line()} -> {args.output}')
     return 0
+
+
+def selection_of(args: argparse.Namespace) -> Selection:
+    """Return the frames that `add_input_options` tell."""
+    return Selection(args.start, args.end, args.stride, args.max_frames)
 
 
 def _check(args: argparse.Namespace) -> int:

@@ -72,6 +72,7 @@ class ReplayJob:
     config: Config = field(default_factory=Config)
     depth: np.ndarray | None = None  # relative depth of the only reference, see `Detector`
     workers: int = 1  # processes; 1: this one. Results do not depend on it
+    threads: int | None = None  # of each process, in place of worker.threads; not written down
     csv: Path | None = None
     jsonl: Path | None = None
     geojson: GeoOptions | None = None
@@ -120,6 +121,12 @@ class ReplayJob:
             'keep_fixes': self.keep_input and self.geojson is not None,
         }
         return noted(values)
+
+    def at_work(self) -> Config:
+        """Return the configuration of the detectors; the outputs tell `config`."""
+        if self.threads is None:
+            return self.config
+        return self.config.replaced({'worker.threads': self.threads})
 
 
 def replay(job: ReplayJob, watch: Watch = unwatched) -> Summary:
@@ -180,12 +187,12 @@ def _results(
 
     def detect(some: Pairs) -> Iterator[Compared]:
         if pool is None:
-            return detected(some, recording, given.camera, job.config, job.depth)
+            return detected(some, recording, given.camera, job.at_work(), job.depth)
         return detected_by(pool, some, recording, job.config)
 
     pool = None
     if job.workers > 1:
-        pool = stack.enter_context(WorkerPool(job.workers, given.camera, job.config, job.depth))
+        pool = stack.enter_context(WorkerPool(job.workers, given.camera, job.at_work(), job.depth))
     # where frames depend on those before, they are computed again, but not written again
     if given.stored and not depends_on_earlier(job.config):
         return spliced(given.stored, both, detect)

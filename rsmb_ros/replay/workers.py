@@ -50,7 +50,7 @@ class WorkerPool:
         self.count = count
         config = config.replaced({'worker.threads': threads_each(count, config)})
         self._idle: SimpleQueue[_Worker] = SimpleQueue()
-        with _without_interrupt():
+        with without_interrupt():
             self._workers = [_Worker(n, (camera, config, depth)) for n in range(count)]
         for worker in self._workers:
             self._idle.put(worker)
@@ -178,7 +178,7 @@ def _alone(detector: Detector, live: np.ndarray) -> Outcome:
 
 
 @contextmanager
-def _without_interrupt() -> Iterator[None]:
+def without_interrupt() -> Iterator[None]:
     """Start processes that never mind Ctrl-C, not even before their first line."""
     if threading.current_thread() is not threading.main_thread():
         yield
