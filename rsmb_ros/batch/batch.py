@@ -20,7 +20,8 @@ from .tasks import Outcome, Task
 from .wishes import Wish, differences, wish_of
 
 OUTPUT = '.mcap'
-SUFFIXES = {'csv': '.csv', 'report': '.html'}  # field of `ReplayJob` -> of the file beside it
+# Field of `ReplayJob` -> of the file beside it.
+SUFFIXES = {'csv': '.csv', 'jsonl': '.jsonl', 'report': '.html'}
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,8 @@ from .replay import add_input_options, selection_of
 
 _FILES = {
     'csv': 'NAME.csv: one line per region',
-    'report': 'NAME.html: page with pictures of the frames',
+    'jsonl': 'NAME.jsonl: one line per frame',
+    'report': 'NAME.html: page of what changed, for any browser, offline',
 }
 
 
