@@ -32,7 +32,7 @@ from .segmentation import Blob
 from .stream import StreamMemory
 from .tone import USUAL, ToneSearch, probing
 from .types import NOT_REGISTERED, Result
-from .workers import Workers
+from .workers import workers
 
 MIN_CONTRAST = 1.5  # grey levels; an image flatter than this has no texture
 NO_SEARCH = {'layers.enabled': False}  # of depths, where they are known
@@ -85,7 +85,7 @@ class Detector:
         self.config = config
         self._camera = camera
         layers = None if depth is None else checked_layers(depth, self.reference, config)
-        self._executor = Workers(config.worker.threads)
+        self._executor = workers(config.worker.threads)
         searched = config if layers is None else config.replaced(NO_SEARCH)
         self._finder = ChangeFinder(searched, self._executor)
         self._reference = Reference(self.reference, config.camera.gamma or USUAL, layers)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from functools import cache
 from typing import TypeVar, cast
 
 PARTS = 8  # blocks that work is cut into: enough that nobody waits long for the last one
@@ -19,6 +21,21 @@ class Workers(ThreadPoolExecutor):
     def __init__(self, threads: int) -> None:
         super().__init__(threads, 'rsmb')
         self.helpers = threads - 1
+
+
+def workers(threads: int) -> Workers:
+    """
+    Return so many threads, which all detectors of this process share and which never end.
+
+    What a thread has allocated is kept for it after its end: a detector for each reference with
+    threads of its own lets memory grow.
+    """
+    return _workers(threads, os.getpid())
+
+
+@cache
+def _workers(threads: int, process: int) -> Workers:
+    return Workers(threads)  # a forked process has none of its parent's threads
 
 
 def shared(executor: Executor, run: Callable[[int, int], None], rows: int, work: int) -> None:

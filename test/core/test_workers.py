@@ -7,7 +7,8 @@ import threading
 import numpy as np
 import pytest
 
-from rsmb_ros.core.workers import SMALL, Workers, beside, each, shared
+from rsmb_ros.core import Config, Detector
+from rsmb_ros.core.workers import SMALL, Workers, beside, each, shared, workers
 
 
 @pytest.mark.parametrize('threads', [1, 2, 7])
@@ -61,3 +62,13 @@ def test_a_task_beside_is_done_once_whoever_does_it(threads):
         assert all(one.result() for one in busy)
     assert len(done) == 2
     assert done[1] == threading.get_ident()
+
+
+def test_all_detectors_share_their_threads(texture_of):
+    image = texture_of(64, 80, 1)
+    two, again, one = (
+        Detector(image, config=Config().replaced({'worker.threads': count}))._executor
+        for count in (2, 2, 1)
+    )
+    assert two is again is workers(2)
+    assert one is not two
