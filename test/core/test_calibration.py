@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rsmb_ros.core import Camera, Detector
+from rsmb_ros.core.change_finder import ChangeFinder
 from rsmb_ros.core.motion import Grid
 from rsmb_ros.core.shutter import ShutterTiming
 from rsmb_ros.core.synthesis import Nuisances, Scene, aerial_scene, live_frame, reference_image
@@ -30,13 +31,13 @@ def suburb(seed):
 def finding_of(monkeypatch):
     """Return the maker of a settled frame of an unchanged scene."""
     findings = []
-    finish = Detector._registered
+    find = ChangeFinder.find
 
-    def kept(self, finding, stamp, clock):
-        findings.append(finding)
-        return finish(self, finding, stamp, clock)
+    def kept(self, stage, frame, clock):
+        findings.append(find(self, stage, frame, clock))
+        return findings[-1]
 
-    monkeypatch.setattr(Detector, '_registered', kept)
+    monkeypatch.setattr(ChangeFinder, 'find', kept)
 
     def settle(scene, nuisances):
         grid = Grid(SHAPE, SHAPE, 576.0)
