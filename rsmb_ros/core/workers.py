@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from functools import cache
+from multiprocessing import current_process
 from typing import TypeVar, cast
 
 PARTS = 8  # blocks that work is cut into: enough that nobody waits long for the last one
@@ -30,11 +30,11 @@ def workers(threads: int) -> Workers:
     What a thread has allocated is kept for it after its end: a detector for each reference with
     threads of its own lets memory grow.
     """
-    return _workers(threads, os.getpid())
+    return _workers(threads, current_process().pid)
 
 
 @cache
-def _workers(threads: int, process: int) -> Workers:
+def _workers(threads: int, process: int | None) -> Workers:
     return Workers(threads)  # a forked process has none of its parent's threads
 
 
