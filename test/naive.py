@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.interpolate import BSpline
+from scipy.ndimage import spline_filter
 from scipy.spatial.transform import Rotation
 
 
@@ -47,24 +48,40 @@ def bilinear(image, v, u):
     return value, du, dv
 
 
-def cubic(image, v, u):
-    """Keys bicubic value, edge values continue outside."""
+def keys(t):
+    """Weight of a pixel `t` px away in Keys' bicubic interpolation."""
+    t = abs(t)
+    if t < 1:
+        return 1.5 * t**3 - 2.5 * t**2 + 1
+    if t < 2:
+        return -0.5 * t**3 + 2.5 * t**2 - 4 * t + 2
+    return 0.0
 
-    def weight(t):
-        t = abs(t)
-        if t < 1:
-            return 1.5 * t**3 - 2.5 * t**2 + 1
-        if t < 2:
-            return -0.5 * t**3 + 2.5 * t**2 - 4 * t + 2
-        return 0.0
 
+def b_spline(t):
+    """Weight of a coefficient `t` px away in a cubic B-spline."""
+    t = abs(t)
+    if t < 1:
+        return 2 / 3 - t**2 + t**3 / 2
+    if t < 2:
+        return (2 - t) ** 3 / 6
+    return 0.0
+
+
+def spline(image, v, u):
+    """Value of the cubic spline through the pixels of an image (M, N)."""
+    return cubic(spline_filter(image.astype(float), mode='mirror'), v, u, b_spline)
+
+
+def cubic(image, v, u, weight):
+    """Sum of pixels or coefficients near (v, u), mirrored at the edges; the edge goes on outside."""
     rows, cols = image.shape
     v, u = min(max(v, 0.0), rows - 1.0), min(max(u, 0.0), cols - 1.0)
     total = 0.0
     for i in range(int(v) - 1, int(v) + 3):
         for j in range(int(u) - 1, int(u) + 3):
-            pixel = image[min(max(i, 0), rows - 1), min(max(j, 0), cols - 1)]
-            total += weight(v - i) * weight(u - j) * pixel
+            mirrored = min(abs(i), 2 * rows - 2 - abs(i)), min(abs(j), 2 * cols - 2 - abs(j))
+            total += weight(v - i) * weight(u - j) * image[mirrored]
     return total
 
 

@@ -324,13 +324,15 @@ def test_live_places_of_layers_invert_their_own_homographies(bent_path, executor
         assert np.hypot(map_x[v, u] - x, map_y[v, u] - y) < 0.6
 
 
-def test_bicubic_sample_is_keys_interpolation(texture_of):
+def test_sample_is_a_cubic_spline_with_keys_alpha(texture_of):
     image = texture_of(20, 24, 8).astype(np.float32)
-    flat = np.concatenate([[7.0], np.repeat(image.ravel(), 2)]).astype(np.float32)
-    out, weights = np.empty(2), np.empty((2, 4))
+    flat = np.concatenate([[7.0], np.repeat(image.ravel(), 3)]).astype(np.float32)
+    out, weights = np.empty(3), np.empty((2, 2, 4))
     for u, v in ((3.2, 4.7), (0.0, 0.0), (-1.5, 3.1), (22.9, 18.4), (30.0, 19.0)):
-        synthesis.sample(flat, 1, 20, 24, 2, u, v, *weights, out)
-        np.testing.assert_allclose(out, naive.cubic(image.astype(float), v, u), rtol=1e-9)
+        synthesis.sample(flat, 1, 20, 24, 3, u, v, *weights, out)
+        smooth = naive.cubic(image.astype(float), v, u, naive.b_spline)
+        alpha = naive.cubic(image.astype(float), v, u, naive.keys)
+        np.testing.assert_allclose(out, [smooth, smooth, alpha], rtol=1e-6)
 
 
 def test_strong_edges_count_no_more_than_their_place_allows(bent_path, texture_of):

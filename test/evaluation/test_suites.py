@@ -214,7 +214,7 @@ def test_margin_holds_all_ground_that_is_seen(made_of, motion):
             points = hs @ np.stack([np.full_like(y, x), y, np.ones_like(y)], axis=1)[..., None]
             places = points[:, :2, 0] / points[:, 2:, 0] + grid.center[2:]
             last = np.array(SMALL[::-1]) - 1
-            # 1 px: the neighbours bicubic sampling needs
+            # 1 px: the neighbours cubic sampling needs
             assert (places >= 1 - margin).all()
             assert (places <= last + margin - 1).all()
 

@@ -1,4 +1,9 @@
-"""Forward model: planes seen through a path, bicubic, unlike the estimator's own sampling."""
+"""
+Forward model: planes seen through a path, as cubic splines, unlike the estimator's own sampling.
+
+Between the pixels of an image taken by a camera a cubic spline is wrong by two thirds of what Keys'
+bicubic interpolation is: what is judged by these images must not be better than they are.
+"""
 
 from __future__ import annotations
 
@@ -11,32 +16,50 @@ STATIC, NEW, GONE = 0, 1, 2  # in both images, in the live one only, in the refe
 
 
 @njit(inline='always', **EXACT)
-def cubic(t, out):
-    """Write the four Keys (a = -1/2) weights at fraction `t`."""
-    out[0] = ((-0.5 * t + 1.0) * t - 0.5) * t
-    out[1] = (1.5 * t - 2.5) * t * t + 1.0
-    out[2] = ((-1.5 * t + 2.0) * t + 0.5) * t
-    out[3] = (0.5 * t - 0.5) * t * t
+def weights(t, spline, keys):
+    """Write the four weights at fraction `t`: cubic B-spline, and Keys (a = -1/2)."""
+    s = 1.0 - t
+    spline[0] = s * s * s / 6.0
+    spline[1] = ((3.0 * t - 6.0) * t * t + 4.0) / 6.0
+    spline[2] = ((3.0 * s - 6.0) * s * s + 4.0) / 6.0
+    spline[3] = t * t * t / 6.0
+    keys[0] = ((-0.5 * t + 1.0) * t - 0.5) * t
+    keys[1] = (1.5 * t - 2.5) * t * t + 1.0
+    keys[2] = ((-1.5 * t + 2.0) * t + 0.5) * t
+    keys[3] = (0.5 * t - 0.5) * t * t
 
 
 @njit(**EXACT)
 def sample(flat, start, rows, cols, channels, u, v, w_x, w_y, out):
-    """Write the bicubic value of an image inside `flat` at column u, row v; edges continue."""
+    """
+    Write the value of an image inside `flat` at column u, row v; outside the edge goes on.
+
+    The first channels are coefficients of a cubic B-spline, mirrored at the edges; the last, alpha,
+    is pixels (Keys), for a spline would surround an outline with ripples. `w_x`, `w_y`: (2, 4).
+    """
     u = min(max(u, 0.0), cols - 1.0)
     v = min(max(v, 0.0), rows - 1.0)
     j = min(int(u), cols - 2)
     i = min(int(v), rows - 2)
-    cubic(u - j, w_x)
-    cubic(v - i, w_y)
+    weights(u - j, w_x[0], w_x[1])
+    weights(v - i, w_y[0], w_y[1])
     for c in range(channels):
         out[c] = 0.0
+    alpha = channels - 1
     for m in range(4):
-        line = start + min(max(i + m - 1, 0), rows - 1) * cols * channels
+        line = abs(i + m - 1)
+        if line >= rows:
+            line = 2 * rows - 2 - line
+        line = start + line * cols * channels
         for n in range(4):
-            weight = w_y[m] * w_x[n]
-            at = line + min(max(j + n - 1, 0), cols - 1) * channels
-            for c in range(channels):
+            at = abs(j + n - 1)
+            if at >= cols:
+                at = 2 * cols - 2 - at
+            at = line + at * channels
+            weight = w_y[0, m] * w_x[0, n]
+            for c in range(alpha):
                 out[c] += weight * flat[at + c]
+            out[alpha] += w_y[1, m] * w_x[1, n] * flat[at + alpha]
 
 
 @njit(inline='always', **EXACT)
@@ -60,14 +83,14 @@ def expose_rows(
     Write rows first..last-1 of Eq. 2 and 5: the mean over each row's instants of all planes.
 
     Plane 0 is the ground, the others lie in front of it in order; each is rows x cols x (channels +
-    alpha) in `flat`. `hs` (instants, planes, 9). `cover` (planes, M, N): share of the exposure a
+    alpha) in `flat`, see `sample`. `hs` (instants, planes, 9). `cover` (planes, M, N): share of the exposure a
     plane is seen, `place` (M, N, 2) the mean ground place, `outside` (M, N) the share of the
     exposure beyond the reference.
     """
     planes = starts.shape[0]
     cols = live.shape[1]
-    w_x = np.empty(4)
-    w_y = np.empty(4)
+    w_x = np.empty((2, 4))
+    w_y = np.empty((2, 4))
     seen = np.empty(channels + 1)
     now = np.empty(channels)
     before = np.empty(channels)

@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import spline_filter1d
 
 from rsmb_ros.core._kernels.synthesis import expose_rows
 from rsmb_ros.core.motion import Grid, coordinates_from_poses, homographies
@@ -105,7 +106,7 @@ def expose(
 class _Planes:
     """Ground and sheets in the form the kernel takes them, the ground first."""
 
-    flat: np.ndarray  # linear light and alpha of all planes, one after the other
+    flat: np.ndarray  # what `sample` reads of all planes, one after the other
     starts: np.ndarray  # (planes,) where each begins in `flat`
     shapes: np.ndarray  # (planes, 2) rows and columns
     corners: np.ndarray  # (planes, 2) column and row of the reference's corner in each
@@ -173,10 +174,11 @@ def pixel_moves(poses: np.ndarray) -> np.ndarray:
 
 
 def _packed(texture: np.ndarray, cover: np.ndarray, gamma: float, pad: int) -> np.ndarray:
-    """Linear light and alpha (R, C, channels + 1), edges continued, nothing beyond them."""
-    light = to_linear(texture, gamma)
+    """Splines of the linear light, and alpha (R, C, channels + 1): edges go on, alpha ends."""
     around = ((pad, pad), (pad, pad))
-    light = np.pad(light, (*around, (0, 0)), mode='edge')
+    light = np.pad(to_linear(texture, gamma), (*around, (0, 0)), mode='edge')
+    for axis in (0, 1):
+        light = spline_filter1d(light, axis=axis, output=np.float32)
     alpha = np.pad(cover, around).astype(np.float32)
     return np.concatenate([light, alpha[..., None]], axis=2)
 

@@ -112,7 +112,7 @@ def test_global_shutter_blur_is_the_same_in_all_rows():
     assert (live == live[0]).all()
     ramp = live[0, 34:47].astype(float)
     slope = np.diff(ramp)[2:-2]
-    np.testing.assert_allclose(slope, 200 / 10, atol=3.0)  # 20 rows x 0.5 px; uint8, bicubic
+    np.testing.assert_allclose(slope, 200 / 10, atol=3.0)  # 20 rows x 0.5 px; uint8, splines
 
 
 def test_blur_is_the_mean_of_literal_warps_in_linear_light(scene):
@@ -126,7 +126,7 @@ def test_blur_is_the_mean_of_literal_warps_in_linear_light(scene):
         for k in range(count):
             time = row + ((k + 0.5) / count - 0.5) * exposure
             u, v = column + 20 + 3.0 + speed * time, row + 20 + 1.5
-            total += naive.cubic(linear, v, u) / count
+            total += naive.spline(linear, v, u) / count
         expected = to_display(np.array(total), gamma)
         assert abs(truth.clean[row, column] - expected) < 0.2  # 8 instants against 160
         assert abs(float(live[row, column]) - expected) < 0.8  # + rounding to uint8
@@ -149,7 +149,7 @@ def test_planes_are_composed_as_the_equations_say(texture_of):
             q = coordinates_from_poses(pose, GRID)[0]
             h = naive.homography(q, GRID.focal_px, GRID.half_width)
             u, v = naive.warped_place(h, column, row, GRID.center)
-            value = naive.cubic(ground, v + 20, u + 20)
+            value = naive.spline(ground, v + 20, u + 20)
             for sheet in (new, far, near):
                 h = naive.homography(q, GRID.focal_px, GRID.half_width, sheet.relative_depth)
                 u, v = naive.warped_place(h, column, row, GRID.center)
@@ -157,8 +157,9 @@ def test_planes_are_composed_as_the_equations_say(texture_of):
                 at = v - sheet.y + 2, u - sheet.x + 2
                 if not (0 < at[0] < texture.shape[0] - 1 and 0 < at[1] < texture.shape[1] - 1):
                     continue
-                alpha = np.clip(naive.cubic(np.pad(sheet.cover, 2).astype(float), *at), 0, 1)
-                value += alpha * (naive.cubic(texture, *at) - value)
+                cover = np.pad(sheet.cover, 2).astype(float)
+                alpha = np.clip(naive.cubic(cover, *at, naive.keys), 0, 1)
+                value += alpha * (naive.spline(texture, *at) - value)
             total += value / count
         np.testing.assert_allclose(seen.light[row, column, 0], total, rtol=1e-5)  # float32 textures
 
@@ -173,7 +174,7 @@ def test_result_does_not_depend_on_the_number_of_threads(scene):
 
 @pytest.mark.parametrize('exposure', [0.0, 8.0])
 def test_registered_image_of_the_true_path_is_the_live_image(scene, exposure):
-    """With all nuisances off only the sampling differs: the estimator's against bicubic."""
+    """With all nuisances off only the sampling differs: the estimator's against splines."""
     _, truth = exposed(scene, bent, exposure)
     fine = half_pixel(scene.background.astype(np.float32))
     counts = 40 if exposure else 1
