@@ -74,7 +74,7 @@ def spline(image, v, u):
 
 
 def cubic(image, v, u, weight):
-    """Sum of pixels or coefficients near (v, u), mirrored at the edges; the edge goes on outside."""
+    """Sum of what is near (v, u), mirrored at the edges; beyond them the edge goes on."""
     rows, cols = image.shape
     v, u = min(max(v, 0.0), rows - 1.0), min(max(u, 0.0), cols - 1.0)
     total = 0.0

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import cache
+from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -29,6 +31,7 @@ MIN_PEAK = 0.4  # normalised correlation of a strip that counts
 SPLINE_SAMPLES = 8  # instants per exposure in the start's design matrix
 
 
+_Corner: TypeAlias = 'tuple[int, int] | np.ndarray'  # row, column
 _Piece = tuple[float, ...]  # X, Y, shift x, y, weight x, y of one matched piece (reduced px)
 
 
@@ -124,20 +127,26 @@ class CoarseSearch:
             for col in range(0, shape[1] - patch[1] + 1, max(1, patch[1]))
         ]
 
+        def begin_of(corner: tuple[int, int]) -> np.ndarray:
+            """Row and column of the reference where the places of a patch begin."""
+            return np.maximum(corner + low - WOBBLE, 0)
+
+        def end_of(corner: tuple[int, int]) -> np.ndarray:
+            return np.minimum(corner + low + size - 1 + patch + WOBBLE, self._reference.shape)
+
         def scores_of(corner: tuple[int, int]) -> np.ndarray | None:
-            """Correlate a patch everywhere, each place as good as the best near it."""
+            """Correlate a patch wherever it may lie, each place as good as the best near it."""
             row, col = corner
             piece = small[row : row + patch[0], col : col + patch[1]]
-            too_large = np.any(np.array(piece.shape) > self._reference.shape)
-            if piece.std() < MIN_CONTRAST or too_large:
+            if np.any(end_of(corner) - begin_of(corner) < patch) or piece.std() < MIN_CONTRAST:
                 return None
-            scores = self._correlate(piece, (0, 0), self._reference.shape)
+            scores = self._correlate(piece, begin_of(corner), end_of(corner))
             return cv2.dilate(scores, np.ones((2 * WOBBLE + 1,) * 2, np.uint8))
 
         found = each(self._executor, scores_of, corners)
-        for (row, col), scores in zip(corners, found, strict=True):
+        for corner, scores in zip(corners, found, strict=True):
             if scores is not None:
-                _add_at(votes, counts, scores, (-row - low[0], -col - low[1]))
+                _add_at(votes, counts, scores, begin_of(corner) - corner - low)
         # a place that only few patches can see must not win by luck: shrink means of few patches
         score = votes / (counts + 3.0)
         row, col = np.unravel_index(int(score.argmax()), score.shape)
@@ -145,9 +154,7 @@ class CoarseSearch:
         mean = float(votes[row, col] / count) if count else 0.0
         return np.array([col + low[1], row + low[0]], np.float64), mean
 
-    def _correlate(
-        self, piece: np.ndarray, begin: tuple[int, int], end: tuple[int, int]
-    ) -> np.ndarray:
+    def _correlate(self, piece: np.ndarray, begin: _Corner, end: _Corner) -> np.ndarray:
         """Correlations 0..1 of `piece` at every place inside reference[begin:end] (row, col)."""
         window = np.s_[begin[0] : end[0], begin[1] : end[1]]
         scores = cv2.matchTemplate(self._reference[window], piece, cv2.TM_CCOEFF_NORMED)
@@ -155,8 +162,7 @@ class CoarseSearch:
         textured = self._textured[window][
             height // 2 : height // 2 + scores.shape[0], width // 2 : width // 2 + scores.shape[1]
         ]
-        scores = np.nan_to_num(scores, nan=0.0, posinf=0.0, neginf=0.0)
-        return np.clip(scores, 0.0, 1.0) * textured
+        return np.fmin(np.fmax(scores, 0.0), 1.0) * textured  # 0 where OpenCV has no number
 
     def _band(
         self, small: np.ndarray, top: int, height: int, corner: np.ndarray
@@ -237,6 +243,7 @@ def start_path(
     return path
 
 
+@cache
 def _start_prior(knots: int) -> np.ndarray:
     """Smoothness of the start: offsets may bend, rotation and zoom hardly change in a frame."""
     first, second = (np.diff(np.eye(knots), n, axis=0) for n in (1, 2))
@@ -272,7 +279,7 @@ def _local_contrast(image: np.ndarray) -> np.ndarray:
     return cv2.dilate(seen, np.ones((9, 9), np.uint8)).astype(np.float32)
 
 
-def _add_at(votes: np.ndarray, counts: np.ndarray, scores: np.ndarray, at: tuple) -> None:
+def _add_at(votes: np.ndarray, counts: np.ndarray, scores: np.ndarray, at: np.ndarray) -> None:
     """Add `scores` to `votes` with its corner at `at`, what sticks out is dropped."""
     begin = np.maximum(at, 0)
     end = np.minimum(np.add(at, scores.shape), votes.shape)

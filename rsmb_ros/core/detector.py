@@ -6,6 +6,8 @@ The one code path of node, replay and `rsmb detect`: reference and live frame in
 
 from __future__ import annotations
 
+from functools import partial
+
 import cv2
 import numpy as np
 from threadpoolctl import ThreadpoolController
@@ -32,7 +34,7 @@ from .segmentation import Blob
 from .stream import StreamMemory
 from .tone import USUAL, ToneSearch, probing
 from .types import NOT_REGISTERED, Result
-from .workers import workers
+from .workers import beside, workers
 
 MIN_CONTRAST = 1.5  # grey levels; an image flatter than this has no texture
 NO_SEARCH = {'layers.enabled': False}  # of depths, where they are known
@@ -246,10 +248,13 @@ class Detector:
         return PathStage if self._reference.depth is None else LayeredStage
 
     def _without_texture(self, grey: np.ndarray) -> str:
-        for name, image in (('reference', self._reference.grey), ('live frame', grey)):
-            if float(image.std()) < MIN_CONTRAST:
-                contrast = f'{image.std():.2f} < {MIN_CONTRAST} grey levels'
-                return f'no texture in the {name}: contrast {contrast}'
+        contrasts = {'reference': self._reference.contrast, 'live frame': float(grey.std())}
+        for name, contrast in contrasts.items():
+            if contrast < MIN_CONTRAST:
+                return (
+                    f'no texture in the {name}: '
+                    f'contrast {contrast:.2f} < {MIN_CONTRAST} grey levels'
+                )
         return ''
 
     def _misfit(self, frame: RegisteredFrame) -> str:
@@ -261,7 +266,10 @@ class Detector:
                 f'no overlap: {overlap:.0%} of the frame lies in the reference, '
                 f'{limits.min_overlap:.0%} needed'
             )
+        compared = partial(sharpness, frame.predicted, frame.grey, frame.judged)
+        waited = beside(self._executor, compared)
         agreed = agreement(frame.predicted, frame.grey, frame.complete)
+        sharp = waited()
         if agreed is None:
             return 'no texture where the live frame overlaps the reference'
         if agreed < limits.min_agreement:
@@ -269,7 +277,6 @@ class Detector:
                 f'live frame and reference do not match: {agreed:.0%} of the textured blocks '
                 f'agree, {limits.min_agreement:.0%} needed'
             )
-        sharp = sharpness(frame.predicted, frame.grey, frame.judged)
         if sharp < MIN_SHARPNESS:
             return (
                 'live frame and reference do not match: only a blur that the live frame does not '

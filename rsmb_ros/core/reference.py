@@ -47,6 +47,11 @@ class Reference:
         return luma(self.image)
 
     @cached_property
+    def contrast(self) -> float:
+        """Standard deviation of the grey levels."""
+        return float(self.grey.std())
+
+    @cached_property
     def linear(self) -> np.ndarray:
         """Linear light of the grey levels (M, N) float32."""
         return to_linear(self.grey, self.gamma)

@@ -83,9 +83,9 @@ def expose_rows(
     Write rows first..last-1 of Eq. 2 and 5: the mean over each row's instants of all planes.
 
     Plane 0 is the ground, the others lie in front of it in order; each is rows x cols x (channels +
-    alpha) in `flat`, see `sample`. `hs` (instants, planes, 9). `cover` (planes, M, N): share of the exposure a
-    plane is seen, `place` (M, N, 2) the mean ground place, `outside` (M, N) the share of the
-    exposure beyond the reference.
+    alpha) in `flat`, see `sample`. `hs` (instants, planes, 9). `cover` (planes, M, N): share of
+    the exposure a plane is seen, `place` (M, N, 2) the mean ground place, `outside` (M, N) the
+    share of the exposure beyond the reference.
     """
     planes = starts.shape[0]
     cols = live.shape[1]
