@@ -30,6 +30,7 @@ EXPLAINED = 2.2  # evidence below which a pixel is explained [sigma]
 MIN_PARALLAX = 0.4  # px; less than that and a depth must explain an object well
 MIN_SHARE = 0.13  # of the object that must be explained
 MIN_CORE = 4.2e-4  # of the frame: largest connected explained part (130 px at 640x480)
+SAME_DEPTH = 0.02  # of a layer found near: two that found it on their own need half of that each
 MIN_CORRELATION = 0.6  # of prediction and live on the object ...
 SURE_SHARE = 0.5  # ... unless this share is explained
 ALIKE = 0.9  # correlation of an object that may fit less well than its surroundings ...
@@ -113,21 +114,31 @@ class DepthSearch:
             return beside
         depths = np.arange(self.config.depth_min, self.config.depth_max + 1e-9, COARSE_STEP)
         best = self.energy.best(window, mask, depths, reach)
-        layer = self._explained(best, reach, window, mask)
+        agreed = any(_agree(best.depth, window, layer, self.live.shape) for layer in known)
+        layer = self._explained(best, reach, window, mask, MIN_CORE / 2 if agreed else MIN_CORE)
         if layer is None and best.energy > CLEAR_RATIO * best.background:
             self.refused.add(blob, self.path)
         # a depth of its own goes before a neighbour's that fits with some help only
         return beside if layer is None or (beside and not _fits(layer.place)) else layer
 
     def _explained(
-        self, best: BestDepth, reach: float, window: Window, mask: np.ndarray
+        self,
+        best: BestDepth,
+        reach: float,
+        window: Window,
+        mask: np.ndarray,
+        core: float = MIN_CORE,
     ) -> Layer | None:
-        """Return the layer that explains an object at its best depth, or not far from there."""
+        """
+        Return the layer that explains an object at its best depth, or not far from there.
+
+        `core` is the share of the frame that must be explained in one piece.
+        """
         depth = best.depth
         parallax = reach * abs(1.0 / depth - 1.0)
         layer, share = None, 0.0
         if best.energy < MAX_ENERGY_RATIO * best.background:
-            layer, share = self._judged(depth, NO_SHIFT, window, mask)
+            layer, share = self._judged(depth, NO_SHIFT, window, mask, core)
             if share > SURE_SHARE:
                 return layer
         if parallax < MIN_PARALLAX:
@@ -141,13 +152,18 @@ class DepthSearch:
         for start, limit in starts:
             shift = self._shift(start, window, mask, limit)
             if shift is not None:
-                other, more = self._judged(start, shift, window, mask)
+                other, more = self._judged(start, shift, window, mask, core)
                 if more > max(share, SURE_SHARE):
                     layer, share = other, more
         return layer
 
     def _judged(
-        self, depth: float, shift: tuple[float, float], window: Window, mask: np.ndarray
+        self,
+        depth: float,
+        shift: tuple[float, float],
+        window: Window,
+        mask: np.ndarray,
+        core: float,
     ) -> tuple[Layer | None, float]:
         """Return the layer if the object may be taken for one, and the share explained."""
         z, own = self._normalised(depth, window, shift)
@@ -156,7 +172,7 @@ class DepthSearch:
         z /= np.float32(misfit)
         explained = _explained(z, mask)
         share = float(explained[mask].mean())
-        enough = share > MIN_SHARE and _largest(explained) >= MIN_CORE * self.live.size
+        enough = share > MIN_SHARE and _largest(explained) >= core * self.live.size
         if not enough or (share <= SURE_SHARE and alike <= MIN_CORRELATION):
             return None, share
         part = Blob(explained > 0, window.left, window.top)
@@ -305,6 +321,12 @@ def _overlap(a: Blob, b: Blob) -> float:
     parts = (one.mask[top - one.y : bottom - one.y, left - one.x : right - one.x] for one in (a, b))
     shared = int(np.count_nonzero(np.logical_and(*parts)))
     return shared / (a.area + b.area - shared)
+
+
+def _agree(depth: float, window: Window, layer: Layer, shape: tuple[int, int]) -> bool:
+    """Whether a depth is that of a layer found no further away than half its size."""
+    around = padded(layer.blob, shape, max(layer.blob.mask.shape) // 2)
+    return abs(layer.place.relative_depth - depth) < SAME_DEPTH and _touch(window, around)
 
 
 def _touch(a: Window, b: Window) -> bool:

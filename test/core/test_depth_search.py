@@ -113,6 +113,25 @@ def test_a_neighbours_depth_is_taken_before_all_others(houses):
     assert min(asked) < 0.4
 
 
+def layer_beside(blob, depth, gap):
+    """A layer at `depth` of a blob's size, `gap` px left of it."""
+    mask = np.ones(blob.mask.shape, bool)
+    return Layer(Blob(mask, blob.x - blob.mask.shape[1] - gap, blob.y), mask, Place(depth), 0.9)
+
+
+@pytest.mark.parametrize(
+    ('depth', 'gap', 'static'),
+    [(0.86, 20, True), (0.80, 20, False), (0.92, 20, False), (0.86, 80, False), (None, 0, False)],
+)
+def test_two_that_find_one_depth_need_to_show_less(houses, monkeypatch, depth, gap, static):
+    found = houses[0.86]
+    blob = largest(found, found.truth.layers > 0)
+    explained = found.search.explain(blob).share * blob.area
+    monkeypatch.setattr(depth_search, 'MIN_CORE', 1.5 * explained / found.mask.size)
+    known = [] if depth is None else [layer_beside(blob, depth, gap)]
+    assert (found.search.explain(blob, known) is not None) == static
+
+
 @pytest.mark.parametrize(
     ('depth', 'moved'), [(0.97, (0.0, 1.0)), (0.97, (-0.8, 0.5)), (1.0, (0.8, -0.8))]
 )
@@ -209,8 +228,9 @@ def test_no_place_explains_a_new_object(ground, executor, kind, seed):
         thing = found.truth.objects == number
         assert found.mask[thing].mean() > 0.7, 'it stands out'
         for blob in found.blobs_on(thing):
-            layer = found.search.explain(blob)
-            assert cover_of(layer)[thing].mean() < 0.1, layer.place
+            for known in ([], [layer_beside(blob, 0.88, 10)]):
+                layer = found.search.explain(blob, known)
+                assert cover_of(layer)[thing].mean() < 0.1, layer.place
 
 
 def test_other_ground_does_not_explain_where_an_object_has_gone_from(executor, monkeypatch):

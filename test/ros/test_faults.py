@@ -7,8 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
-from .faulty_node import BROKEN, SLOW, SLOW_S
+from ros.faulty_node import BROKEN, SLOW, SLOW_S
 
 READY_S, ANSWER_S = 240.0, 30.0
 STAMP_NS = 1_700_000_200_000_000_000
