@@ -18,13 +18,14 @@ import numpy as np
 from .clock import Clock
 from .colour import ColourEvidence
 from .config import Config
-from .depth_search import DepthSearch, Refused
+from .depth_search import DepthSearch
 from .entropy import entropy_candidates
 from .evidence import OUTLINE_WINDOW, NoiseTable, Texture, box_rms
 from .frame import RegisteredFrame
 from .layers import Layer
 from .motion import moved_px
 from .path_stage import PathStage
+from .refused import Refused
 from .row_frame import RowStage
 from .segmentation import blobs, candidates, outline_level
 from .workers import beside

@@ -20,6 +20,7 @@ from .evidence import NoiseTable, Texture, evidence
 from .frame import RegisteredFrame
 from .layers import NO_SHIFT, Layer, Place, padded
 from .motion import CameraPath
+from .refused import Refused
 from .render import Shown, Window
 from .segmentation import Blob, hysteresis
 
@@ -42,29 +43,7 @@ MIN_DISPLACED = 0.3  # of an object that must stand out where it is displaced fr
 MAX_SHIFT = 0.5  # of an object's parallax: tilt and translation are not told apart better
 MAX_OFF = 2.5  # px, that a static object may lie from where the background puts it
 CLEAR_RATIO = 0.7  # an object that fits less well is not asked again
-SAME = 0.9  # overlap of an object with what it was at an earlier look
-STILL = 0.25  # px that the path may have moved since then
 SHIFT_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 1e-3)
-
-
-class Refused:
-    """Objects that no depth explained, for later looks at the same frame."""
-
-    def __init__(self) -> None:
-        self._known: list[tuple[Blob, np.ndarray]] = []
-
-    def add(self, blob: Blob, path: CameraPath) -> None:
-        """Remember an object that nothing explained on this path."""
-        self._known.append((blob, _course(blob, path)))
-
-    def __contains__(self, asked: tuple[Blob, CameraPath]) -> bool:
-        """Whether as good as the same object was refused on as good as the same path."""
-        blob, path = asked
-        same = [course for known, course in self._known if _overlap(known, blob) > SAME]
-        if not same:
-            return False
-        own = _course(blob, path)
-        return any(np.hypot(*(own - course).T).max() < STILL for course in same)
 
 
 @dataclass(frozen=True)
@@ -132,8 +111,9 @@ class DepthSearch:
         """
         Return the layer that explains an object at its best depth, or not far from there.
 
-        `core` is the share of the frame that must be explained in one piece.
+        `core` is the share of the frame that must be explained in one piece, default `MIN_CORE`.
         """
+        core = MIN_CORE if core is None else core
         depth = best.depth
         parallax = reach * abs(1.0 / depth - 1.0)
         layer, share = None, 0.0
@@ -303,24 +283,6 @@ def _explained(z: np.ndarray, mask: np.ndarray) -> np.ndarray:
 def _fits(place: Place) -> bool:
     """Whether an object lies where its depth puts it, not just near there."""
     return place.shift == NO_SHIFT and place.misfit < MAX_MISFIT
-
-
-def _course(blob: Blob, path: CameraPath) -> np.ndarray:
-    """Where the path has a blob's first, middle and last row (3, 2) [px]."""
-    rows = blob.y + np.linspace(0, blob.mask.shape[0] - 1, 3).astype(np.int64)
-    return path.coordinates(path.row_times[rows])[:, :2]
-
-
-def _overlap(a: Blob, b: Blob) -> float:
-    """Shared area of two blobs over that of both together, 0..1."""
-    top, left = max(a.y, b.y), max(a.x, b.x)
-    bottom = min(a.y + a.mask.shape[0], b.y + b.mask.shape[0])
-    right = min(a.x + a.mask.shape[1], b.x + b.mask.shape[1])
-    if bottom <= top or right <= left:
-        return 0.0
-    parts = (one.mask[top - one.y : bottom - one.y, left - one.x : right - one.x] for one in (a, b))
-    shared = int(np.count_nonzero(np.logical_and(*parts)))
-    return shared / (a.area + b.area - shared)
 
 
 def _agree(depth: float, window: Window, layer: Layer, shape: tuple[int, int]) -> bool:
