@@ -9,7 +9,6 @@ from typing import Any
 
 import rsmb_ros
 from rsmb_ros.core.errors import ConfigError
-from rsmb_ros.replay.job import MOST_WORKERS
 from rsmb_ros.replay.selection import Selection
 from rsmb_ros.replay.workers import threads_each
 
@@ -30,7 +29,7 @@ class BatchJob:
 
     items: Sequence[Item]
     folder: Path  # of the outputs; exists
-    workers: int | None = None  # recordings at once that share the cores here; None: elsewhere
+    workers: int | None = None  # cores here; None: one of another machine for each recording
     selection: Selection = field(default_factory=Selection)
     rate: float | None = None  # frames/s of videos and folders of images
     beside: Sequence[str] = ()  # names of `SUFFIXES`
@@ -121,7 +120,8 @@ class Batch:
 
     def _task(self, plan: Planned) -> Task:
         item, job = plan.item, self.job
-        at_once = MOST_WORKERS if job.workers is None else min(job.workers, len(self.to_do))
+        cores = 1 if job.workers is None else job.workers
+        at_once = min(cores, len(self.to_do))
         options: dict[str, Any] = {
             'source': item.source,
             'reference': item.reference,
@@ -129,7 +129,7 @@ class Batch:
             'config': item.config,
             'selection': job.selection,
             'rate': job.rate,
-            'threads': threads_each(at_once, item.config),
+            'threads': threads_each(at_once, item.config, cores),
             **self._outputs(plan.name),
         }
         return Task(plan.name, options, rsmb_ros.__version__)

@@ -68,8 +68,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--workers',
         type=within(int, 1, MOST_WORKERS),
         metavar='N',
-        help='recordings at once, each in a process; default: as many as there are cores. The '
-        'cores are shared out as threads, unless worker.threads is changed',
+        help='cores to use; default: all. So many recordings at once, each on a core; where there '
+        'are fewer recordings, the cores are shared out as threads of each, unless worker.threads '
+        'is changed',
     )
     parser.add_argument(
         '--scheduler',
