@@ -282,7 +282,7 @@ def test_missing_value_is_named(make_bag, tmp_path, capsys, options, missing):
 def test_value_without_a_map_is_refused(make_bag, tmp_path, capsys):
     code = main(['replay', str(make_bag()), '-o', str(tmp_path / 'o.mcap'), '--heading', '0'])
     assert code == 2
-    assert '--heading is for --geojson FILE, which is missing' in capsys.readouterr().err
+    assert '--heading is for --geojson, which is missing' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
