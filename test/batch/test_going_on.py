@@ -11,42 +11,13 @@ import pytest
 
 from rsmb_ros.bags.mcap_scan import scan
 from rsmb_ros.batch.batch import Batch, BatchJob
-from rsmb_ros.batch.crew import LocalCrew
 from rsmb_ros.batch.items import Item
 from rsmb_ros.batch.manifest import PENDING
-from rsmb_ros.core import Detector
 from rsmb_ros.replay.job import ReplayJob, replay
 from rsmb_ros.replay.stored import StoredFrames
 
 DEADLINE_S = 120.0  # a loaded machine starts Python slowly
 FRAMES = 40  # more than are done while one looks away
-
-
-@pytest.fixture
-def one_process(monkeypatch):
-    """Replay in this process: nothing here depends on where."""
-    from rsmb_ros.batch.tasks import carried_out
-
-    class Crew(LocalCrew):
-        def results(self, tasks, pulse):
-            for task in tasks:
-                pulse()
-                yield carried_out(task)
-
-    monkeypatch.setattr('rsmb_ros.cli.batch.LocalCrew', Crew)
-
-
-@pytest.fixture
-def detected(monkeypatch):
-    """Indices of the frames that are really processed, in this process."""
-    found, detect = [], Detector.detect
-
-    def counting(self, live, stamp=None):
-        found.append(stamp)
-        return detect(self, live, stamp)
-
-    monkeypatch.setattr(Detector, 'detect', counting)
-    return found
 
 
 def entries_of(folder):
