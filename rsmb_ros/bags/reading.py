@@ -23,6 +23,7 @@ from .recording import (
     CAMERA_INFO,
     COMPRESSED,
     IMAGE,
+    NAV_SAT_FIX,
     BagFrame,
     Label,
     Recording,
@@ -157,7 +158,7 @@ class Bag(Recording):
         whole, broken = 0, 0
         for _, _, read in self._stored((name,)):
             try:
-                if self.topic(name).type == CAMERA_INFO:
+                if self.topic(name).type in (CAMERA_INFO, NAV_SAT_FIX):
                     read()
                 whole += 1
             except MalformedMessage:

@@ -13,7 +13,6 @@ from rsmb_ros.messages.stamps import NS_PER_S, stamp_ns
 
 from .ground import metres_per_degree
 
-NAV_SAT_FIX = 'sensor_msgs/msg/NavSatFix'
 LONGEST_GAP_S = 2.0  # between two fixes; in between, the flight is taken for straight
 LEAST_WAY_M = 2.0  # the course of a shorter way is mostly the error of the receiver
 COURSE_S = 1.0  # the course is that of the way from so long before a frame to so long after

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from rsmb_ros.bags.reading import Bag
-from rsmb_ros.bags.recording import BagFrame
+from rsmb_ros.bags.recording import NAV_SAT_FIX, BagFrame
 from rsmb_ros.core.config import Config
 from rsmb_ros.core.errors import BagError, ConfigError
 from rsmb_ros.core.types import Region, Result
 from rsmb_ros.messages.as_json import to_json
 
-from .fixes import NAV_SAT_FIX, NoPlace, Track, fix_from_msg
+from .fixes import NoPlace, Track, fix_from_msg
 from .ground import View
 from .text_file import TextFile
 

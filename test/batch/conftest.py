@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from rsmb_ros.bags.recording import NAV_SAT_FIX
 from rsmb_ros.bags.typestore import new
 from rsmb_ros.bags.writing import BagFactory, BagWriter
 from rsmb_ros.batch.crew import LocalCrew
 from rsmb_ros.cli.main import main
 from rsmb_ros.core import Detector
-from rsmb_ros.replay.fixes import NAV_SAT_FIX
 
 ROWS, COLS = 96, 128
 STEP_NS = 100_000_000

@@ -10,13 +10,15 @@ import pytest
 from containers import in_container
 from small_flight import COLS, ROWS, START_NS, STEP_NS
 
+from rsmb_ros.bags.check import check
+from rsmb_ros.bags.recording import NAV_SAT_FIX
 from rsmb_ros.bags.typestore import new, serialised
 from rsmb_ros.bags.writing import BagWriter
 from rsmb_ros.cli.main import main
 from rsmb_ros.core import Config
 from rsmb_ros.core.errors import BagError, ConfigError
 from rsmb_ros.core.types import Region
-from rsmb_ros.replay.fixes import NAV_SAT_FIX, Track, fix_from_msg
+from rsmb_ros.replay.fixes import Track, fix_from_msg
 from rsmb_ros.replay.geojson_sink import COURSE, Flight, GeoJsonSink, GeoOptions
 from rsmb_ros.replay.ground import metres_per_degree
 from rsmb_ros.replay.job import ReplayJob, replay
@@ -252,6 +254,12 @@ def test_bag_of_damaged_fixes_only_is_refused(make_bag, tmp_path, caplog):
     with pytest.raises(BagError, match='no message of /fix has a fix'):
         replay(ReplayJob(make_bag(cut=range(40)), tmp_path / 'o.mcap', geojson=options))
     assert '40 messages of /fix skipped, the first is message 0' in caplog.text
+
+
+def test_check_finds_damaged_fixes(make_bag):
+    found = check(make_bag(cut=[3, 8]))
+    assert found.damaged
+    assert f'/fix ({NAV_SAT_FIX}): 38 of 40 messages whole, 2 cannot be read' in found.lines
 
 
 # -- refusals --------------------------------------------------------------------------------------
