@@ -1,7 +1,8 @@
 """
-Throughput of `rsmb batch` with one and two workers, and the cost of a 1080p frame.
+Throughput of `rsmb batch` on one and two cores, and the cost of a 1080p frame.
 
-Prints the tables of BATCH.md; run as ``python benchmarks/batch.py --rounds 3`` from the root.
+Prints the tables of BATCH.md; run as ``python benchmarks/batch.py --rounds 3`` from the root, on an
+idle machine of two cores.
 """
 
 from __future__ import annotations
@@ -15,16 +16,39 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 RSMB = (sys.executable, '-m', 'rsmb_ros.cli.main')
-WAYS = {  # how the same bags are replayed
-    '1 worker, 1 thread': ('--workers', '1', '--set', 'worker.threads=1'),
-    '1 worker, 2 threads': ('--workers', '1'),  # cores shared out: all of them
-    '2 workers, 1 thread each': ('--workers', '2'),
-}
+ONE, TWO, IN_TURN = 'batch, 1 worker', 'batch, 2 workers', 'replay, in turn, all cores'
 FULL_HD = '1920x1080'
+HD_FRAMES = 6
+# How long frames take and how long their detection, both from the end of the first to that of the
+# last detection: as many frames are read and written in that time as are detected.
+PROFILE = """
+import resource, sys, time
+from pathlib import Path
+import cv2
+from rsmb_ros.core import Detector
+from rsmb_ros.replay.job import ReplayJob, replay
+spans, detect = [], Detector.detect
+def timed(self, *given):
+    start = time.perf_counter()
+    result = detect(self, *given)
+    spans.append((start, time.perf_counter()))
+    return result
+Detector.detect = timed
+threads = int(sys.argv[3]) or None
+if threads:
+    cv2.setNumThreads(threads)
+replay(ReplayJob(Path(sys.argv[1]), Path(sys.argv[2]), threads=threads))
+total = spans[-1][1] - spans[0][1]
+detected = sum(end - start for start, end in spans[1:])
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+print(total / len(spans[1:]), detected / len(spans[1:]), peak)
+"""
 
 
 @dataclass(frozen=True)
@@ -53,55 +77,91 @@ def flight(path: Path, size: str, frames: int, seed: int) -> Path:
     return path
 
 
+def ways(folder: Path, bags: int) -> dict[str, Callable[[], Cost]]:
+    """Return how the same bags are replayed; each time all outputs are written anew."""
+
+    def batch(workers: int) -> Cost:
+        return run('batch', folder / 'in', '-o', fresh(folder / 'out'), '--workers', workers)
+
+    def in_turn() -> Cost:
+        out = fresh(folder / 'out')
+        threads = ('--set', f'worker.threads={os.cpu_count()}')
+        one = [
+            run('replay', folder / 'in' / f'{n}.mcap', '-o', out / f'{n}.mcap', *threads)
+            for n in range(bags)
+        ]
+        return Cost(sum(cost.seconds for cost in one), sum(cost.cpu for cost in one))
+
+    return {ONE: partial(batch, 1), TWO: partial(batch, 2), IN_TURN: in_turn}
+
+
+def fresh(folder: Path) -> Path:
+    """Return the folder, empty."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    return folder
+
+
 def throughput(folder: Path, bags: int, frames: int, rounds: int) -> None:
     """Replay the same bags in each way, in turns."""
+    fresh(folder / 'in')
     for n in range(bags):
-        flight(folder / 'in' / f'{n}.mcap', '640x480', frames, n)
-    costs: dict[str, list[Cost]] = {way: [] for way in WAYS}
-    run('batch', folder / 'in' / '0.mcap', '-o', folder / 'warm')  # compiles
+        made = flight(folder / 'made' / f'{frames}-{n}.mcap', '640x480', frames, n)
+        (folder / 'in' / f'{n}.mcap').hardlink_to(made)
+    run('batch', folder / 'in' / '0.mcap', '-o', fresh(folder / 'out'))  # compiles
+    costs: dict[str, list[Cost]] = {ONE: [], TWO: [], IN_TURN: []}
     for number in range(rounds):
-        for way, options in WAYS.items():
-            out = folder / 'out'
-            shutil.rmtree(out, ignore_errors=True)
-            costs[way].append(run('batch', folder / 'in', '-o', out, *options))
+        for way, replayed in ways(folder, bags).items():
+            costs[way].append(replayed())
             print(f'round {number + 1}, {way}: {costs[way][-1]}', file=sys.stderr, flush=True)
-    total = bags * frames
-    print('| way | frames/s, median | least - most | CPU s / frame | x 1 worker, 1 thread |')
-    print('| --- | ---: | ---: | ---: | ---: |')
+    print(f'{bags} bags of {frames} frames, 640x480, {rounds} rounds in turns\n')
+    print('| way | frames/s, median | least - most | cores used | CPU s / frame | x 1 worker |')
+    print('| --- | ---: | ---: | ---: | ---: | ---: |')
     for way, found in costs.items():
-        rates = sorted(total / cost.seconds for cost in found)
-        base = [cost.seconds for cost in costs[next(iter(WAYS))]]
-        times = [one / cost.seconds for one, cost in zip(base, found, strict=True)]
-        cpu = statistics.median(cost.cpu for cost in found) / total
+        rates = [bags * frames / cost.seconds for cost in found]
+        times = [one.seconds / cost.seconds for one, cost in zip(costs[ONE], found, strict=True)]
+        cores = [cost.cpu / cost.seconds for cost in found]
+        cpu = [cost.cpu / bags / frames for cost in found]
         print(
-            f'| {way} | {statistics.median(rates):.2f} | {rates[0]:.2f} - {rates[-1]:.2f} '
-            f'| {cpu:.3f} | {statistics.median(times):.2f} ({min(times):.2f} - {max(times):.2f}) |'
+            f'| {way} | {statistics.median(rates):.2f} | {min(rates):.2f} - {max(rates):.2f} '
+            f'| {statistics.median(cores):.2f} | {statistics.median(cpu):.3f} | {spread(times)} |'
         )
 
 
 def full_hd(folder: Path, rounds: int) -> None:
-    """Measure a worker on 1080p frames; what starting costs is taken off."""
-    bag, out = flight(folder / 'hd.mcap', FULL_HD, 6, 3), folder / 'hd-out.mcap'
-    costs: dict[int, list[Cost]] = {2: [], 6: []}
+    """Measure one core on 1080p frames, the writing in its thread and in one beside it."""
+    bag, out = flight(folder / 'hd.mcap', FULL_HD, HD_FRAMES, 3), folder / 'hd-out.mcap'
+    rows = {'one thread, as a worker of a batch': 1, 'as `rsmb replay`': 0}
+    found: dict[str, list[list[float]]] = {way: [] for way in rows}
     for _ in range(rounds):
-        for frames, found in costs.items():
-            limit = ('--max-frames', frames)
-            found.append(run('replay', bag, '-o', out, '--set', 'worker.threads=1', *limit))
-    cpu = [(more.cpu - few.cpu) / 4 for few, more in zip(costs[2], costs[6], strict=True)]
-    print(f'\n{FULL_HD}, one thread, outputs included')
-    print(f'* CPU: {statistics.median(cpu):.2f} s a frame ({min(cpu):.2f} - {max(cpu):.2f})')
-    start = statistics.median(cost.cpu for cost in costs[2]) - 2 * statistics.median(cpu)
-    print(f'* start: {start:.1f} s CPU a process')
-    read, written = (path.stat().st_size / 6e6 for path in (bag, out))
-    print(f'* read {read:.2f} MB, written {written:.1f} MB a frame')
-    code = (
-        'import resource, sys; from pathlib import Path\n'
-        'from rsmb_ros.replay.job import ReplayJob, replay\n'
-        'replay(ReplayJob(Path(sys.argv[1]), Path(sys.argv[2]), threads=1))\n'
-        'print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)\n'
+        for way, threads in rows.items():
+            command = (sys.executable, '-c', PROFILE, bag, out, str(threads))
+            start = resource.getrusage(resource.RUSAGE_CHILDREN)
+            told = subprocess.check_output(command, text=True).split()
+            end = resource.getrusage(resource.RUSAGE_CHILDREN)
+            cpu = end.ru_utime + end.ru_stime - start.ru_utime - start.ru_stime
+            found[way].append([*map(float, told), cpu / HD_FRAMES])
+            print(f'{FULL_HD}, {way}: {found[way][-1]}', file=sys.stderr, flush=True)
+    print(f'\n{FULL_HD}, {HD_FRAMES} frames, all outputs; CPU with start and first frame\n')
+    print('| way | s / frame | reading and writing [%] | CPU s / frame | peak memory [MiB] |')
+    print('| --- | ---: | ---: | ---: | ---: |')
+    for way, values in found.items():
+        share = spread([100 * (1 - detected / total) for total, detected, _, _ in values], 0)
+        totals, peaks, cpu = (spread([one[n] for one in values], d) for n, d in _COLUMNS)
+        print(f'| {way} | {totals} | {share} | {cpu} | {peaks} |')
+    read, written = (path.stat().st_size / HD_FRAMES / 1e6 for path in (bag, out))
+    print(f'\nRead {read:.2f} MB, written {written:.1f} MB a frame')
+
+
+_COLUMNS = ((0, 2), (2, 0), (3, 2))  # place of a value, digits
+
+
+def spread(values: Sequence[float], digits: int = 2) -> str:
+    """Return median, least and most for people."""
+    middle, least, most = (
+        f'{value:.{digits}f}' for value in (statistics.median(values), min(values), max(values))
     )
-    peak = subprocess.check_output([sys.executable, '-c', code, bag, out], text=True)
-    print(f'* peak memory: {peak.strip()} MiB a worker')
+    return f'{middle} ({least} - {most})'
 
 
 def main() -> None:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, MessageIndex, Metadata, MetadataIndex, Schema
 
@@ -88,8 +89,9 @@ def scan(path: Path) -> Scan | None:
             raise BagError(f'{path}: no .mcap file')
         try:
             return _scan(data)
-        except (Unreadable, struct.error, UnicodeDecodeError) as error:
-            raise BagError(f'{path}: was not written by rsmb, or is damaged: {error}') from error
+        except (Unreadable, struct.error, UnicodeDecodeError, McapError) as error:
+            reason = str(error) or 'a record is cut off'  # that of the library says nothing
+            raise BagError(f'{path}: was not written by rsmb, or is damaged: {reason}') from error
 
 
 def messages(path: Path, chunk: WholeChunk, contents: Contents) -> Iterator[Stored]:

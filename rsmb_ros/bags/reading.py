@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rosbags.interfaces import Connection
 
@@ -23,6 +23,7 @@ from .recording import (
     CAMERA_INFO,
     COMPRESSED,
     IMAGE,
+    NAV_SAT_FIX,
     BagFrame,
     Label,
     Recording,
@@ -38,6 +39,8 @@ _DECODERS = {IMAGE: image_from_msg, COMPRESSED: image_from_compressed}
 # What a message raises whose definition, in the bag, is damaged.
 _NOT_AS_DEFINED = (AttributeError, TypeError, IndexError)
 _log = logging.getLogger(__name__)
+
+T = TypeVar('T')
 
 
 class Bag(Recording):
@@ -124,6 +127,27 @@ class Bag(Recording):
                 raise BagError(f'{self.path}: a message of {topic} is damaged: {error}') from error
             yield topic, time_ns, message
 
+    def each(self, name: str, convert: Callable[[Any], T]) -> Iterator[T]:
+        """
+        Iterate over what `convert` makes of the messages of a topic, by log time.
+
+        Messages that cannot be read are left out; when the others are through, they are told and
+        counted as one loss.
+        """
+        broken, first = 0, ''
+        for index, (_, _, read) in enumerate(self._stored((name,))):
+            try:
+                found = convert(read())
+            except (MalformedMessage, *_NOT_AS_DEFINED) as error:
+                broken += 1
+                first = first or f'message {index}: {error}'
+                continue
+            yield found
+        if broken:
+            several = f'{broken} messages of {name} skipped, the first is '
+            what = several if broken > 1 else f'{name} skipped: '
+            self.damage.note((name, 'broken'), f'{self.path}: {what}{first}', lost=broken)
+
     def readable(self, name: str) -> tuple[int, int]:
         """
         Return how many messages of the topic `name` are whole, and how many are not.
@@ -134,7 +158,7 @@ class Bag(Recording):
         whole, broken = 0, 0
         for _, _, read in self._stored((name,)):
             try:
-                if self.topic(name).type == CAMERA_INFO:
+                if self.topic(name).type in (CAMERA_INFO, NAV_SAT_FIX):
                     read()
                 whole += 1
             except MalformedMessage:

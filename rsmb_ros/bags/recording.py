@@ -19,6 +19,7 @@ from .damage import Damage
 IMAGE = 'sensor_msgs/msg/Image'
 COMPRESSED = 'sensor_msgs/msg/CompressedImage'
 CAMERA_INFO = 'sensor_msgs/msg/CameraInfo'
+NAV_SAT_FIX = 'sensor_msgs/msg/NavSatFix'
 FRAMES = 'frames'  # type of the one topic of a video or a folder of images
 IMAGE_TYPES = (IMAGE, COMPRESSED, FRAMES)
 

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import rsmb_ros
+from rsmb_ros.bags.writing import part_of
 from rsmb_ros.core.errors import ConfigError
-from rsmb_ros.replay.job import MOST_WORKERS
-from rsmb_ros.replay.selection import Selection
 from rsmb_ros.replay.workers import threads_each
 
 from .crew import Crew, Pulse
 from .items import Item, names_of
 from .manifest import DONE, FAILED, PENDING, Entry, Manifest
 from .tasks import Outcome, Task
-from .wishes import Wish, differences, wish_of
+from .wishes import OF_MAP, Content, Wish, differences, wish_of
 
 OUTPUT = '.mcap'
 # Field of `ReplayJob` -> of the file beside it.
-SUFFIXES = {'csv': '.csv', 'jsonl': '.jsonl', 'report': '.html'}
+MAP = 'geojson'
+SUFFIXES = {'csv': '.csv', 'jsonl': '.jsonl', 'report': '.html', MAP: '.geojson'}
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,8 @@ class BatchJob:
 
     items: Sequence[Item]
     folder: Path  # of the outputs; exists
-    workers: int | None = None  # recordings at once that share the cores here; None: elsewhere
-    selection: Selection = field(default_factory=Selection)
-    rate: float | None = None  # frames/s of videos and folders of images
+    workers: int | None = None  # cores here; None: one of another machine for each recording
+    content: Content = field(default_factory=Content)
     beside: Sequence[str] = ()  # names of `SUFFIXES`
     again: bool = False  # replay what was done otherwise
 
@@ -47,6 +46,7 @@ class Planned:
     before: Entry | None  # what the manifest says of it
     differs: Sequence[str] = ()  # in what the outputs that are there are other than wished
     done: bool = False  # the outputs that are there are those wished
+    kept: bool = False  # the frames that are there are those wished
 
 
 class Batch:
@@ -84,6 +84,9 @@ class Batch:
         stays pending.
         """
         plans = {plan.name: plan for plan in self.to_do}
+        for plan in plans.values():
+            if not plan.kept:  # what is unfinished from now on is of this wish
+                part_of(self._outputs(plan.name)['output']).unlink(missing_ok=True)
         self._manifest.put(*(self._entry(plan, PENDING) for plan in plans.values()))
         tasks = [self._task(plan) for plan in plans.values()]
         with crew:
@@ -93,15 +96,19 @@ class Batch:
                 yield entry
 
     def _planned(self, name: str, item: Item) -> Planned:
-        wish = wish_of(item, self.job.selection, self.job.rate)
+        wish = wish_of(item, self.job.content)
         before = self._manifest.get(name)
-        if before is None or before.status != DONE:
+        if before is None:
             return Planned(name, item, wish, before)
-        differs = differences(before.wish, wish)
-        if differs:
-            return Planned(name, item, wish, before, differs=differs)
-        there = all(path.is_file() for path in self._outputs(name).values())
-        return Planned(name, item, wish, before, done=there)
+        kept = not differences(before.wish, wish, but=OF_MAP)
+        if before.status != DONE:
+            return Planned(name, item, wish, before, kept=kept)
+        outputs = self._outputs(name)
+        known = {path for path in outputs.values() if path.name in before.outputs}
+        differs = differences(before.wish, wish, but=() if outputs.get(MAP) in known else OF_MAP)
+        there = all(path in known and path.is_file() for path in outputs.values())
+        done = there and not differs
+        return Planned(name, item, wish, before, differs=differs, done=done, kept=kept)
 
     def _outputs(self, name: str) -> dict[str, Path]:
         """Return the files of a recording by the field of `ReplayJob`."""
@@ -120,18 +127,25 @@ class Batch:
                     )
 
     def _task(self, plan: Planned) -> Task:
-        item, job = plan.item, self.job
-        at_once = MOST_WORKERS if job.workers is None else min(job.workers, len(self.to_do))
+        item, job, content = plan.item, self.job, self.job.content
+        cores = 1 if job.workers is None else job.workers
+        at_once = min(cores, len(self.to_do))
         options: dict[str, Any] = {
             'source': item.source,
             'reference': item.reference,
             'topic': item.topic,
             'config': item.config,
-            'selection': job.selection,
-            'rate': job.rate,
-            'threads': threads_each(at_once, item.config),
+            'selection': content.selection,
+            'rate': content.rate,
+            'compress': content.compress,
+            'keep_input': content.keep_input,
+            'threads': threads_each(at_once, item.config, cores),
+            # an output that is not done may be of any wish: it has its name since then
+            'resume': plan.kept and plan.before is not None and plan.before.status == DONE,
             **self._outputs(plan.name),
         }
+        if content.geo and MAP in options:
+            options[MAP] = replace(content.geo, path=options[MAP])
         return Task(plan.name, options, rsmb_ros.__version__)
 
     def _entry(self, plan: Planned, status: str, outcome: Outcome | None = None) -> Entry:

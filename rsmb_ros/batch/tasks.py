@@ -9,17 +9,20 @@ import traceback
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import cv2
 
 import rsmb_ros
+from rsmb_ros.bags.writing import part_of
 from rsmb_ros.core.errors import RsmbError
 from rsmb_ros.replay.job import ReplayJob, Watch, replay, unwatched
+from rsmb_ros.replay.stored import CannotGoOn
 from rsmb_ros.replay.summary import Summary
 
 MOST_WARNINGS = 5  # of one recording that are kept
+
+_log = logging.getLogger(__name__)
 
 
 class Stopped(Exception):
@@ -31,7 +34,9 @@ class Task:
     """One replay that is to be done."""
 
     name: str
-    options: Mapping[str, Any]  # of `ReplayJob`: made where it is done, as it looks at files
+    # Of `ReplayJob`: made where it is done, as it looks at files. `resume`: go on with an output
+    # that is whole, too; with an unfinished one it always does.
+    options: Mapping[str, Any]
     version: str  # of rsmb_ros: another one might find something else
 
 
@@ -44,6 +49,7 @@ class Counts:
     lost: int  # messages in damaged parts of the file, as far as that is known
     registered: int
     changes: int
+    resumed: int = 0  # of the frames, those that were there from before
 
 
 @dataclass(frozen=True)
@@ -96,16 +102,20 @@ def _replayed(task: Task, watch: Watch) -> Summary:
             f'the worker has rsmb_ros {rsmb_ros.__version__}, the batch {task.version}; '
             'install the same version there'
         )
-    job = ReplayJob(**_afresh(task.options))
+    part = part_of(task.options['output'])
+    if task.options.get('resume') or part.exists():
+        try:
+            return _run({**task.options, 'resume': True}, watch)
+        except CannotGoOn as error:
+            _log.warning('%s; all frames are replayed', error)
+    part.unlink(missing_ok=True)
+    return _run({**task.options, 'resume': False}, watch)
+
+
+def _run(options: Mapping[str, Any], watch: Watch) -> Summary:
+    job = ReplayJob(**options)
     cv2.setNumThreads(job.at_work().worker.threads)
     return replay(job, watch)
-
-
-def _afresh(options: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Put away what a killed worker has left; the one place where going on with it would begin."""
-    output: Path = options['output']
-    output.with_name(output.name + '.part').unlink(missing_ok=True)
-    return options
 
 
 def _counts(summary: Summary) -> Counts:
@@ -115,6 +125,7 @@ def _counts(summary: Summary) -> Counts:
         lost=summary.lost,
         registered=summary.registered,
         changes=summary.changes,
+        resumed=summary.resumed,
     )
 
 

@@ -15,6 +15,7 @@ from rsmb_ros.batch.cluster import ClusterCrew
 from rsmb_ros.batch.crew import Crew, LocalCrew
 from rsmb_ros.batch.items import Item, found_in, without_doubles
 from rsmb_ros.batch.manifest import FAILED, Entry, only_batch
+from rsmb_ros.batch.wishes import Content
 from rsmb_ros.core.errors import ConfigError
 from rsmb_ros.replay.job import MOST_WORKERS
 
@@ -22,6 +23,7 @@ from .batch_list import beside, read_list
 from .images import output_folder
 from .interrupt import Interrupt
 from .options import add_config_options, load_config, within
+from .output_options import GEOJSON, add_content_options, add_geo_options, geo_options
 from .progress import progress
 from .replay import add_input_options, selection_of
 
@@ -29,6 +31,7 @@ _FILES = {
     'csv': 'NAME.csv: one line per region',
     'jsonl': 'NAME.jsonl: one line per frame',
     'report': 'NAME.html: page of what changed, for any browser, offline',
+    'geojson': f'NAME.geojson: {GEOJSON}',
 }
 
 
@@ -62,14 +65,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'configuration is special about each; paths are relative to the file',
     )
     add_input_options(parser)
+    add_content_options(parser, 'NAME.mcap')
     for name in SUFFIXES:
         parser.add_argument(f'--{name}', action='store_true', help=_FILES[name])
+    add_geo_options(parser)
     parser.add_argument(
         '--workers',
         type=within(int, 1, MOST_WORKERS),
         metavar='N',
-        help='recordings at once, each in a process; default: as many as there are cores. The '
-        'cores are shared out as threads, unless worker.threads is changed',
+        help='cores to use; default: all. So many recordings at once, each on a core; where there '
+        'are fewer recordings, the cores are shared out as threads of each, unless worker.threads '
+        'is changed',
     )
     parser.add_argument(
         '--scheduler',
@@ -92,6 +98,13 @@ def run(args: argparse.Namespace) -> int:
             f'--workers {args.workers} is for this machine; with --scheduler the cluster decides'
         )
     items = _items(args)
+    content = Content(
+        selection=selection_of(args),
+        rate=args.rate,
+        compress=args.compress,
+        keep_input=args.keep_input,
+        geo=geo_options(args, args.output / 'NAME.geojson' if args.geojson else None),
+    )
     folder = output_folder(args.output)
     if args.scheduler:  # other machines have other working directories
         here = Path.cwd()
@@ -104,8 +117,7 @@ def run(args: argparse.Namespace) -> int:
         items=items,
         folder=folder,
         workers=None if args.scheduler else args.workers or _cores(),
-        selection=selection_of(args),
-        rate=args.rate,
+        content=content,
         beside=[name for name in SUFFIXES if getattr(args, name)],
         again=args.again,
     )
@@ -160,8 +172,9 @@ def _tell(entry: Entry) -> None:
         _complain(f'{entry.name}: failed: {entry.reason}')
     elif not sys.stderr.isatty():
         lost = f', {entry.counts.skipped} could not be read' if entry.counts.skipped else ''
+        kept = f', {entry.counts.resumed} kept of before' if entry.counts.resumed else ''
         print(
-            f'{entry.name}: done, {entry.counts.frames} frames{lost}, '
+            f'{entry.name}: done, {entry.counts.frames} frames{lost}{kept}, '
             f'{entry.counts.changes} changes, {entry.seconds:.1f} s',
             flush=True,
         )

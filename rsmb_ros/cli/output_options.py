@@ -1,4 +1,4 @@
-"""Options of `rsmb replay`: what it writes."""
+"""Options of `rsmb replay` and `rsmb batch`: what they write."""
 
 from __future__ import annotations
 
@@ -13,6 +13,10 @@ from rsmb_ros.replay.recorded import JPEG, PNG
 
 from .options import mcap_path
 
+GEOJSON = (
+    'changes on the map, from sensor_msgs/NavSatFix: the camera looks straight down on flat ground'
+)
+
 
 def add_output_options(parser: argparse.ArgumentParser) -> None:
     """Add ``-o``, ``--csv`` and all the others."""
@@ -24,16 +28,7 @@ def add_output_options(parser: argparse.ArgumentParser) -> None:
         metavar='OUT.mcap',
         help='everything the node would publish, under /rsmb/; needed unless --check',
     )
-    files.add_argument(
-        '--compress',
-        choices=(PNG, JPEG),
-        help='photos of OUT.mcap, below .../compressed; masks are PNG then, residuals stay raw',
-    )
-    files.add_argument(
-        '--keep-input',
-        action='store_true',
-        help='copy the frames, references, camera_info and fixes that were used into OUT.mcap',
-    )
+    add_content_options(files, 'OUT.mcap')
     files.add_argument(
         '--resume',
         action='store_true',
@@ -51,17 +46,27 @@ def add_output_options(parser: argparse.ArgumentParser) -> None:
     files.add_argument(
         '--jsonl', type=Path, metavar='FILE', help='one line of JSON per frame, with its regions'
     )
-    _add_geo_options(parser.add_argument_group('places on the earth'))
+    group = parser.add_argument_group('places on the earth')
+    group.add_argument('--geojson', type=Path, metavar='FILE', help=GEOJSON)
+    add_geo_options(group)
 
 
-def _add_geo_options(group: Any) -> None:
+def add_content_options(group: Any, output: str) -> None:
+    """Add what decides the content of the recording that is written."""
     group.add_argument(
-        '--geojson',
-        type=Path,
-        metavar='FILE',
-        help='changes on the map, from sensor_msgs/NavSatFix: the camera looks straight down '
-        'on flat ground',
+        '--compress',
+        choices=(PNG, JPEG),
+        help=f'photos of {output}, below .../compressed; masks are PNG then, residuals stay raw',
     )
+    group.add_argument(
+        '--keep-input',
+        action='store_true',
+        help=f'copy the frames, references, camera_info and fixes that were used into {output}',
+    )
+
+
+def add_geo_options(group: Any) -> None:
+    """Add what a bag does not tell of the flight."""
     group.add_argument(
         '--heading',
         type=_heading,
@@ -91,17 +96,6 @@ def output_options(args: argparse.Namespace) -> dict[str, Any]:
         If a value that is needed is missing, or an option has no use.
 
     """
-    given = {
-        'heading': args.heading,
-        'height': args.height,
-        'ground_altitude': args.ground_altitude,
-        'fix': args.fix,
-    }
-    if args.geojson is None:
-        useless = [name for name, value in given.items() if value is not None]
-        if useless:
-            option = useless[0].replace('_', '-')
-            raise ConfigError(f'--{option} is for --geojson FILE, which is missing')
     return {
         'output': args.output,
         'compress': args.compress,
@@ -110,8 +104,33 @@ def output_options(args: argparse.Namespace) -> dict[str, Any]:
         'report': args.report,
         'csv': args.csv,
         'jsonl': args.jsonl,
-        'geojson': None if args.geojson is None else GeoOptions(args.geojson, **given),
+        'geojson': geo_options(args, args.geojson),
     }
+
+
+def geo_options(args: argparse.Namespace, path: Path | None) -> GeoOptions | None:
+    """
+    Return how the map `path` is made, None without one.
+
+    Raises
+    ------
+    ConfigError
+        If a value that is needed is missing, or an option has no use.
+
+    """
+    given = {
+        'heading': args.heading,
+        'height': args.height,
+        'ground_altitude': args.ground_altitude,
+        'fix': args.fix,
+    }
+    if path is not None:
+        return GeoOptions(path, **given)
+    useless = [name for name, value in given.items() if value is not None]
+    if useless:
+        option = useless[0].replace('_', '-')
+        raise ConfigError(f'--{option} is for --geojson, which is missing')
+    return None
 
 
 def _heading(text: str) -> float | str:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
 
-from rsmb_ros.messages.errors import MalformedMessage
 from rsmb_ros.messages.stamps import NS_PER_S, stamp_ns
 
 from .ground import metres_per_degree
 
-NAV_SAT_FIX = 'sensor_msgs/msg/NavSatFix'
 LONGEST_GAP_S = 2.0  # between two fixes; in between, the flight is taken for straight
 LEAST_WAY_M = 2.0  # the course of a shorter way is mostly the error of the receiver
 COURSE_S = 1.0  # the course is that of the way from so long before a frame to so long after
@@ -33,30 +31,41 @@ class Fix:
     altitude: float  # above the WGS84 ellipsoid [m]; NaN: not told
 
 
+def fix_from_msg(message: Any) -> tuple[int, Fix] | None:
+    """
+    Return when [ns] and where a sensor_msgs/NavSatFix was, None if it is without a fix.
+
+    That is one with a status below 0, or without the numbers of a place; at the poles there is no
+    north.
+
+    Raises
+    ------
+    MalformedMessage
+        If its stamp is none.
+
+    """
+    stamp = stamp_ns(message.header.stamp)
+    altitude = message.altitude if math.isfinite(message.altitude) else math.nan
+    fix = Fix(message.latitude, message.longitude, altitude)
+    known = abs(fix.latitude) < 89.9 and abs(fix.longitude) <= 360.0  # False for NaN
+    return (stamp, fix) if known and message.status.status >= 0 else None
+
+
 class Track:
     """
     Places over time.
 
     Parameters
     ----------
-    messages : iterable of sensor_msgs/NavSatFix
-        Those without a fix (status below 0, or no numbers) are left out.
+    fixes : iterable of (int, Fix)
+        With their stamps [ns], in any order.
 
     """
 
-    def __init__(self, messages: Iterable[Any]) -> None:
-        found = {}
-        for message in messages:
-            try:
-                stamp = stamp_ns(message.header.stamp)
-            except MalformedMessage:
-                continue
-            values = (message.latitude, message.longitude, message.altitude)
-            known = math.isfinite(values[0]) and math.isfinite(values[1])
-            if message.status.status >= 0 and known and abs(values[0]) < 89.9:
-                found[stamp] = values
+    def __init__(self, fixes: Iterable[tuple[int, Fix]]) -> None:
+        found = dict(fixes)
         self._stamps = np.array(sorted(found), np.int64)
-        self._values = np.array([found[stamp] for stamp in sorted(found)]).reshape(-1, 3)
+        self._values = np.array([astuple(found[stamp]) for stamp in sorted(found)]).reshape(-1, 3)
         if len(self._values):  # a way across the date line does not go round the earth
             self._values[:, 1] = np.unwrap(self._values[:, 1], period=360.0)
 

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from rsmb_ros.bags.reading import Bag
-from rsmb_ros.bags.recording import BagFrame
+from rsmb_ros.bags.recording import NAV_SAT_FIX, BagFrame
 from rsmb_ros.core.config import Config
 from rsmb_ros.core.errors import BagError, ConfigError
 from rsmb_ros.core.types import Region, Result
 from rsmb_ros.messages.as_json import to_json
 
-from .fixes import NAV_SAT_FIX, NoPlace, Track
+from .fixes import NoPlace, Track, fix_from_msg
 from .ground import View
 from .text_file import TextFile
 
@@ -189,7 +189,7 @@ def flight_of(bag: Bag, options: GeoOptions, config: Config) -> Flight:
     if lens and lens.distorted:
         _log.warning('%s: camera_info tells of a lens that distorts: places are off', bag.path)
     topic = fix_topic(options, bag)
-    track = Track(message for _, _, message in bag.messages(topic))
+    track = Track(fix for fix in bag.each(topic, fix_from_msg) if fix)
     if not len(track):
         raise BagError(f'{bag.path}: --geojson: no message of {topic} has a fix')
     return Flight(track, focal_px, 0 if config.camera.focal_px or not lens else lens.width)

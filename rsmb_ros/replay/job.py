@@ -29,7 +29,7 @@ from .summary import Summary
 from .targets import check_targets, paths_named
 from .unfinished import depends_on_earlier, refuse_unfinished
 from .workers import WorkerPool
-from .writing import Writing
+from .writing import writing
 
 MOST_WORKERS = 256
 
@@ -72,7 +72,8 @@ class ReplayJob:
     config: Config = field(default_factory=Config)
     depth: np.ndarray | None = None  # relative depth of the only reference, see `Detector`
     workers: int = 1  # processes; 1: this one. Results do not depend on it
-    threads: int | None = None  # of each process, in place of worker.threads; not written down
+    # Of each process, in place of worker.threads; not written down. 1: no thread for writing either
+    threads: int | None = None
     csv: Path | None = None
     jsonl: Path | None = None
     geojson: GeoOptions | None = None
@@ -122,6 +123,10 @@ class ReplayJob:
         }
         return noted(values)
 
+    def is_one_core(self) -> bool:
+        """Return whether all the work is to be that of one core."""
+        return self.threads == 1 and self.workers == 1
+
     def at_work(self) -> Config:
         """Return the configuration of the detectors; the outputs tell `config`."""
         if self.threads is None:
@@ -164,11 +169,11 @@ def replay(job: ReplayJob, watch: Watch = unwatched) -> Summary:
         for sink in open_sinks(job, given, summary):
             stack.callback(sink.close)
             sinks.append(sink)
-        with Writing(sinks) as writing:
+        with writing(sinks, beside=not job.is_one_core()) as written:
             for compared in watch(chain([first], found), total, live.name):
                 if given.copier:
                     given.copier.collect(compared.frame)
-                writing.put(compared)
+                written.put(compared)
                 summary.count_losses(recording)
         summary.count_losses(recording)
     return summary

@@ -14,7 +14,7 @@ import numpy as np
 from rsmb_ros.bags.mcap_scan import Scan, Stored, WholeChunk, messages
 from rsmb_ros.bags.recording import COMPRESSED, BagFrame
 from rsmb_ros.bags.typestore import deserialised
-from rsmb_ros.core.errors import BagError
+from rsmb_ros.core.errors import BagError, ConfigError, RsmbError
 from rsmb_ros.core.types import Region, Result
 from rsmb_ros.messages.images import image_from_compressed, image_from_msg
 from rsmb_ros.messages.outputs import IMAGE
@@ -25,6 +25,18 @@ from .pairs import Pairs
 from .recorded import PREFIX
 
 LAST = PREFIX + 'diagnostics'  # written last of a frame
+
+
+class CannotGoOn(RsmbError):
+    """What an earlier replay has left is of no use; starting again would help."""
+
+
+class LeftByAnother(CannotGoOn, ConfigError):
+    """It was made otherwise, or by another program."""
+
+
+class LeftDamaged(CannotGoOn, BagError):
+    """It cannot be read, or contradicts the input."""
 
 
 class StoredFrames:
@@ -66,7 +78,7 @@ class StoredFrames:
 
         Raises
         ------
-        BagError
+        LeftDamaged
             If another frame is stored in its place, or the file is damaged.
 
         """
@@ -81,16 +93,19 @@ class StoredFrames:
         self._next += 1
         return _result(summary, found)
 
-    def contradicted(self, frame: BagFrame) -> BagError:
+    def contradicted(self, frame: BagFrame) -> LeftDamaged:
         """Return the error of a frame that is not the one stored in its place."""
-        return BagError(
+        return LeftDamaged(
             f'{self._path}: was made from another input: the frame {frame.index} with stamp '
             f'{frame.stamp_ns} ns is not in its place; delete the file, or name that input'
         )
 
     def _outputs(self, n: int) -> dict[str, Any]:
         """Return the messages of one frame by the names of their outputs."""
-        return _by_name(messages(self._path, self._whole[n], self._contents))
+        try:
+            return _by_name(messages(self._path, self._whole[n], self._contents))
+        except BagError as error:
+            raise LeftDamaged(str(error)) from error
 
 
 def spliced(

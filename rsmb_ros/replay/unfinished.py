@@ -11,7 +11,7 @@ from rsmb_ros.core.config import Config, flatten
 from rsmb_ros.core.errors import BagError, ConfigError
 
 from .notes import said
-from .stored import StoredFrames
+from .stored import LeftByAnother, LeftDamaged, StoredFrames
 
 
 def refuse_unfinished(output: Path) -> None:
@@ -53,9 +53,9 @@ def unfinished(output: Path, wanted: Mapping[str, str]) -> StoredFrames | None:
 
     Raises
     ------
-    ConfigError
+    LeftByAnother
         If it was made with another version, configuration, input or option; it is not touched.
-    BagError
+    LeftDamaged
         If it is another kind of file.
 
     """
@@ -63,15 +63,18 @@ def unfinished(output: Path, wanted: Mapping[str, str]) -> StoredFrames | None:
     place = part if part.exists() else output
     if not place.exists():
         return None
-    stored = _stored(place)
+    try:
+        stored = _stored(place)
+    except BagError as error:
+        raise LeftDamaged(str(error)) from error
     if stored is None:
         return None
     held = stored.scan.metadata.get(METADATA, {})
     if not set(wanted) & set(held) - {'version', 'config'}:
-        raise ConfigError(f'--resume: {place} was not written by rsmb replay; choose another -o')
+        raise LeftByAnother(f'--resume: {place} was not written by rsmb replay; choose another -o')
     differences = _differences(held, wanted)
     if differences:
-        raise ConfigError(
+        raise LeftByAnother(
             f'--resume: {place} was made otherwise: {"; ".join(differences)}; '
             'use the same again, or another -o'
         )

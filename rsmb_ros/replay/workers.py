@@ -137,11 +137,11 @@ class _Worker:
         self._process.close()
 
 
-def threads_each(count: int, config: Config) -> int:
-    """Return the threads of each of `count` workers."""
+def threads_each(count: int, config: Config, cores: int | None = None) -> int:
+    """Return the threads of each of `count` workers that share `cores`; None: all there are."""
     if config.worker.threads != WorkerConfig().threads:
         return config.worker.threads
-    return max(1, (os.cpu_count() or 1) // count)
+    return max(1, (cores or os.cpu_count() or 1) // count)
 
 
 def _work(

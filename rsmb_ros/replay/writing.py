@@ -1,4 +1,4 @@
-"""Sinks fed by a thread, so that writing one frame and detecting the next take one time."""
+"""Sinks fed in the thread that detects, or by one beside it."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import threading
 from collections.abc import Sequence
 from queue import Queue
 from types import TracebackType
+from typing import Protocol
 
 from .detection import Compared
 from .sinks import Sink
@@ -13,16 +14,56 @@ from .sinks import Sink
 HELD = 2  # frames that may wait to be written
 
 
-class Writing:
+class Writing(Protocol):
     """
     Gives frames to sinks, in their order; a context manager that ends when all are written.
 
-    Parameters
-    ----------
-    sinks : sequence of Sink
-        Are not closed by this.
-
+    The sinks are not closed by it.
     """
+
+    def put(self, compared: Compared) -> None:
+        """Have a frame written; raises what went wrong with it, or with an earlier one."""
+
+    def __enter__(self) -> Writing: ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None: ...
+
+
+def writing(sinks: Sequence[Sink], beside: bool) -> Writing:
+    """Return what writes `beside` the work of the caller, or as part of it: in one thread."""
+    return WritingBeside(sinks) if beside else WritingInline(sinks)
+
+
+class WritingInline:
+    """`Writing` by whoever has a frame: all the work of a replay is that of one core."""
+
+    def __init__(self, sinks: Sequence[Sink]) -> None:
+        self._sinks = sinks
+
+    def put(self, compared: Compared) -> None:
+        """Write a frame."""
+        for sink in self._sinks:
+            sink.take(*compared)
+
+    def __enter__(self) -> WritingInline:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Nothing is left to do."""
+
+
+class WritingBeside:
+    """`Writing` by a thread: writing one frame and detecting the next take one time."""
 
     def __init__(self, sinks: Sequence[Sink]) -> None:
         self._sinks = sinks
@@ -32,11 +73,11 @@ class Writing:
         self._thread.start()
 
     def put(self, compared: Compared) -> None:
-        """Have a frame written; raises what went wrong with an earlier one."""
+        """Have a frame written; raises what went wrong with it, or with an earlier one."""
         self._queue.put(compared)
         self._check()
 
-    def __enter__(self) -> Writing:
+    def __enter__(self) -> WritingBeside:
         return self
 
     def __exit__(

@@ -60,7 +60,8 @@ def test_manifest_tells_what_became_of_each(batched):
     assert 'none of its messages can be read' in broken['reason']
     assert broken['warnings']
     one = entries['f3']
-    assert one['counts'] == {'frames': 2, 'skipped': 0, 'lost': 0, 'registered': 2, 'changes': 1}
+    wanted = {'frames': 2, 'skipped': 0, 'lost': 0, 'registered': 2, 'changes': 1, 'resumed': 0}
+    assert one['counts'] == wanted
     assert one['outputs'] == ['f3.mcap', 'f3.csv', 'f3.html']
     assert one['seconds'] > 0
 

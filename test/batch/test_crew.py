@@ -6,8 +6,12 @@ import signal
 import pytest
 
 import rsmb_ros
+from rsmb_ros.bags.mcap_scan import scan
+from rsmb_ros.bags.writing import part_of
 from rsmb_ros.batch.crew import LocalCrew
 from rsmb_ros.batch.tasks import Task, carried_out
+from rsmb_ros.replay.job import ReplayJob, replay
+from rsmb_ros.replay.stored import StoredFrames
 
 
 @pytest.fixture
@@ -40,6 +44,28 @@ def test_process_that_dies_is_replaced(deaths, failed, task_of, tmp_path):
     assert (first.counts is None) == failed
     if failed:
         assert first.reason.startswith('its process died 2 times, exit code -9 (-9: killed, often')
+
+
+def test_process_that_dies_in_the_middle_loses_no_whole_frame(write_bag, tmp_path):
+    bag, out = write_bag(tmp_path / 'a.mcap', 1, frames=60), tmp_path / 'o.mcap'
+    options = {'source': bag, 'output': out, 'threads': 1}
+    killed = []
+
+    def pulse():
+        part = part_of(out)
+        found = scan(part) if part.exists() and not killed else None
+        if found is not None and len(StoredFrames(part, found)) >= 2:
+            crew._members[0]._process.kill()
+            crew._members[0]._process.join()
+            killed.append(len(StoredFrames(part, scan(part))))
+
+    with LocalCrew(1) as crew:
+        (outcome,) = crew.results([Task('a', options, rsmb_ros.__version__)], pulse)
+    assert outcome.reason == ''
+    assert 2 <= killed[0] < 60
+    assert (outcome.counts.frames, outcome.counts.resumed) == (60, killed[0])
+    replay(ReplayJob(bag, tmp_path / 'whole.mcap'))
+    assert out.read_bytes() == (tmp_path / 'whole.mcap').read_bytes()
 
 
 def test_what_is_raised_becomes_a_reason_of_one_line(task_of, monkeypatch):

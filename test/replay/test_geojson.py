@@ -10,13 +10,15 @@ import pytest
 from containers import in_container
 from small_flight import COLS, ROWS, START_NS, STEP_NS
 
-from rsmb_ros.bags.typestore import new
+from rsmb_ros.bags.check import check
+from rsmb_ros.bags.recording import NAV_SAT_FIX
+from rsmb_ros.bags.typestore import new, serialised
 from rsmb_ros.bags.writing import BagWriter
 from rsmb_ros.cli.main import main
 from rsmb_ros.core import Config
 from rsmb_ros.core.errors import BagError, ConfigError
 from rsmb_ros.core.types import Region
-from rsmb_ros.replay.fixes import Track
+from rsmb_ros.replay.fixes import Track, fix_from_msg
 from rsmb_ros.replay.geojson_sink import COURSE, Flight, GeoJsonSink, GeoOptions
 from rsmb_ros.replay.ground import metres_per_degree
 from rsmb_ros.replay.job import ReplayJob, replay
@@ -38,17 +40,29 @@ def fix_message(factory, stamp_ns, north=0.0, altitude=480.0):
     )
 
 
+def track_of(messages):
+    return Track(filter(None, map(fix_from_msg, messages)))
+
+
 @pytest.fixture(scope='module')
 def make_bag(photos, factory, tmp_path_factory):
-    """Return a maker of flights with fixes at 10 Hz on some topics; it flies north."""
+    """
+    Return a maker of flights with fixes at 10 Hz on some topics; it flies north.
 
-    def make(topics=('/fix',), speed=4.0, camera_info=True, width=COLS, distortion=0.0):
+    `cut` counts those from the start whose bytes end in the middle.
+    """
+
+    def make(topics=('/fix',), speed=4.0, camera_info=True, width=COLS, distortion=0.0, cut=()):
         path = tmp_path_factory.mktemp('fixes') / 'flight.mcap'
         with BagWriter(path) as bag:
             for n in range(-10, 30):
                 time_ns = START_NS + n * 10**8
                 for topic in topics:
-                    bag.write(topic, fix_message(factory, time_ns, speed * n / 10), time_ns)
+                    message = fix_message(factory, time_ns, speed * n / 10)
+                    data = serialised(message)
+                    if n + 10 in cut:
+                        data = data[:30]
+                    bag.write_cdr(topic, NAV_SAT_FIX, data, time_ns)
             for n, photo in enumerate(photos):
                 time_ns = START_NS + n * STEP_NS
                 header = factory.header(time_ns, 'cam')
@@ -74,7 +88,7 @@ def take(factory, tmp_path):
     def run(region=None, track=None, **options):
         options = {'heading': 0.0, 'height': 40.0, **options}
         if track is None:
-            track = Track([fix_message(factory, n * 10**8, n / 10) for n in range(90, 112)])
+            track = track_of(fix_message(factory, n * 10**8, n / 10) for n in range(90, 112))
         sink = GeoJsonSink(GeoOptions(tmp_path / 'out.json', **options), Flight(track, 200.0))
         region = region or Region(100, 30, 11, 21, area=150, kind='change', score=0.75)
         frame = SimpleNamespace(index=7, stamp_ns=10_050_000_000, image=np.zeros((101, 201)))
@@ -139,8 +153,10 @@ def test_change_without_a_place_says_why(take, options, reason, caplog):
 
 
 def test_altitude_that_is_not_told_gives_no_place(take, factory):
-    track = Track([fix_message(factory, n * 10**8, altitude=math.nan) for n in range(90, 112)])
-    assert take(track=track, height=None, ground_altitude=430.0)['geometry'] is None
+    for altitude in (math.nan, math.inf):
+        fixes = [fix_message(factory, n * 10**8, altitude=altitude) for n in range(90, 112)]
+        track = track_of(fixes)
+        assert take(track=track, height=None, ground_altitude=430.0)['geometry'] is None
     assert take(track=track)['geometry'] is not None  # a given height needs no altitude
 
 
@@ -207,6 +223,45 @@ def test_map_is_equal_after_going_on(make_bag, tmp_path):
     assert (tmp_path / 'one.geojson').read_bytes() == (tmp_path / 'two.geojson').read_bytes()
 
 
+@pytest.mark.parametrize(
+    ('cut', 'told'),
+    [
+        ([12, 15, 16], '3 messages of /fix skipped, the first is message 12: no sensor_msgs'),
+        ([3], '/fix skipped: message 3: no sensor_msgs/msg/NavSatFix'),
+    ],
+)
+@pytest.mark.parametrize('kind', [None, 'folder db3'])
+def test_damaged_fixes_are_skipped_and_told_once(make_bag, tmp_path, caplog, cut, told, kind):
+    damaged = make_bag(cut=cut)
+    damaged = in_container(damaged, kind, tmp_path) if kind else damaged
+    for name, source in (('one', make_bag()), ('two', damaged)):
+        options = GeoOptions(tmp_path / f'{name}.geojson', heading=COURSE, height=50.0)
+        summary = replay(ReplayJob(source, tmp_path / f'{name}.mcap', geojson=options))
+        assert summary.lost == (len(cut) if name == 'two' else 0)
+    assert f'at least {len(cut)} messages are lost' in summary.line()
+    (logged,) = [record.getMessage() for record in caplog.records]
+    assert logged.startswith(f'{source}: {told}')
+    # the drone flies straight: the fixes around those that are missing say the same
+    one, two = (features(tmp_path / f'{name}.geojson') for name in ('one', 'two'))
+    assert [f['properties'] for f in two] == [f['properties'] for f in one]
+    for pair in zip(one, two, strict=True):
+        rings = [feature['geometry']['coordinates'][0] for feature in pair]
+        np.testing.assert_allclose(*rings, atol=2e-8)  # degrees; written with 8 digits
+
+
+def test_bag_of_damaged_fixes_only_is_refused(make_bag, tmp_path, caplog):
+    options = GeoOptions(tmp_path / 'o.geojson', heading=0.0, height=50.0)
+    with pytest.raises(BagError, match='no message of /fix has a fix'):
+        replay(ReplayJob(make_bag(cut=range(40)), tmp_path / 'o.mcap', geojson=options))
+    assert '40 messages of /fix skipped, the first is message 0' in caplog.text
+
+
+def test_check_finds_damaged_fixes(make_bag):
+    found = check(make_bag(cut=[3, 8]))
+    assert found.damaged
+    assert f'/fix ({NAV_SAT_FIX}): 38 of 40 messages whole, 2 cannot be read' in found.lines
+
+
 # -- refusals --------------------------------------------------------------------------------------
 
 
@@ -235,7 +290,7 @@ def test_missing_value_is_named(make_bag, tmp_path, capsys, options, missing):
 def test_value_without_a_map_is_refused(make_bag, tmp_path, capsys):
     code = main(['replay', str(make_bag()), '-o', str(tmp_path / 'o.mcap'), '--heading', '0'])
     assert code == 2
-    assert '--heading is for --geojson FILE, which is missing' in capsys.readouterr().err
+    assert '--heading is for --geojson, which is missing' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,9 @@
 """Any number of processes writes the same bytes."""
 
+import errno
 import os
 import signal
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ from rsmb_ros.core.errors import ConfigError, FileProblem, FrameError, RsmbError
 from rsmb_ros.core.settled import settled
 from rsmb_ros.replay.job import ReplayJob, replay
 from rsmb_ros.replay.pairs import Reference
+from rsmb_ros.replay.recording_sink import RecordingSink
 from rsmb_ros.replay.workers import WorkerPool, threads_each
 
 LASTING = {'change.persistence_frames': 3, 'change.persistence_seen': 2}
@@ -57,7 +60,8 @@ def test_threads_of_a_worker_do_not_matter(photos):
 def test_cores_are_shared_out_unless_threads_are_set(monkeypatch):
     monkeypatch.setattr(os, 'cpu_count', lambda: 8)
     assert [threads_each(count, Config()) for count in (2, 3, 8, 12)] == [4, 2, 1, 1]
-    assert threads_each(4, Config().replaced({'worker.threads': 3})) == 3
+    assert [threads_each(count, Config(), cores=6) for count in (1, 4, 6)] == [6, 1, 1]
+    assert threads_each(4, Config().replaced({'worker.threads': 3}), cores=4) == 3
 
 
 def test_stream_that_is_held_needs_one_process(flight_bag, tmp_path):
@@ -111,6 +115,50 @@ def test_interrupted_replay_leaves_a_readable_file_and_no_process(
             os.kill(pid, 0)
 
 
-def test_failing_sink_ends_the_replay(flight_bag, tmp_path):
+@pytest.mark.parametrize('threads', [None, 1, 2])
+def test_failing_sink_ends_the_replay(flight_bag, tmp_path, threads):
+    full, out = Path('/dev/full'), tmp_path / 'o.mcap'
     with pytest.raises(FileProblem, match='/dev/full: cannot be written: No space left'):
-        replay(ReplayJob(flight_bag, tmp_path / 'o.mcap', csv=Path('/dev/full')))
+        replay(ReplayJob(flight_bag, out, csv=full, threads=threads))
+
+
+@pytest.fixture
+def takes(monkeypatch):
+    """Return a list of (thread, frame) of what sinks take; the third frame fails if told so."""
+
+    class Takes(list):
+        fails = False
+
+    found, take = Takes(), RecordingSink.take
+
+    def taken(sink, frame, reference, result):
+        found.append((threading.get_ident(), frame.index))
+        if found.fails and len(found) == 3:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), 'o.mcap')
+        take(sink, frame, reference, result)
+
+    monkeypatch.setattr(RecordingSink, 'take', taken)
+    return found
+
+
+@pytest.mark.parametrize('threads', [None, 1, 2])
+def test_disk_that_is_full_in_the_middle_ends_the_replay(flight_bag, tmp_path, takes, threads):
+    takes.fails = True
+    with pytest.raises(OSError, match='No space left on device'):
+        replay(ReplayJob(flight_bag, tmp_path / 'o.mcap', threads=threads))
+    assert [index for _, index in takes] == [0, 1, 2]  # nothing behind a gap
+    assert len(masks_of(tmp_path / 'o.mcap')) == 2
+
+
+def test_one_thread_writes_what_it_detects(flight_bag, tmp_path, takes):
+    own, written = threading.get_ident(), []
+    for threads in (None, 2, 1):
+        takes.clear()
+        before = set(threading.enumerate())
+        replay(ReplayJob(flight_bag, tmp_path / 'o.mcap', threads=threads))
+        assert [index for _, index in takes] == list(range(6))
+        assert ({ident for ident, _ in takes} == {own}) == (threads == 1)
+        if threads == 1:
+            assert set(threading.enumerate()) == before
+        written.append((tmp_path / 'o.mcap').read_bytes())
+    assert written[0] == written[1] == written[2]
