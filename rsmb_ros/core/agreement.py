@@ -15,14 +15,17 @@ SHARP_SHARE = 95  # percentile of the gradients that stands for an image's sharp
 MIN_SHARPNESS = 0.6  # registered / live; 0.93 to 1.0 on right frames, below 0.45 on smeared ones
 
 
-def agreement(predicted: np.ndarray, live: np.ndarray, complete: np.ndarray) -> float | None:
+def agreement(
+    predicted: np.ndarray, live: np.ndarray, complete: np.ndarray, across: int = BLOCKS_ACROSS
+) -> float | None:
     """
     Share of textured blocks whose predicted and live grey levels correlate, 0..1.
 
     Blocks vote one each, so a large change or strong light in one place cannot decide. Images are
-    (M, N) float32, `complete` (M, N) bool. None when too few blocks have texture.
+    (M, N) float32, `complete` (M, N) bool; `across` blocks are as wide as they. None when too few
+    blocks have texture.
     """
-    size = max(8, predicted.shape[1] // BLOCKS_ACROSS)
+    size = block_size(predicted.shape[1], across)
     grid = (predicted.shape[1] // size, predicted.shape[0] // size)
     whole = np.s_[: grid[1] * size, : grid[0] * size]
 
@@ -39,6 +42,11 @@ def agreement(predicted: np.ndarray, live: np.ndarray, complete: np.ndarray) -> 
         return None
     correlation = both[asked] / np.sqrt(np.maximum(var_p[asked] * var_l[asked], 1e-6))
     return float((correlation > MIN_CORRELATION).mean())
+
+
+def block_size(columns: int, across: int = BLOCKS_ACROSS) -> int:
+    """Return the side of a block of an image that so many are across [px]."""
+    return max(8, columns // across)
 
 
 def sharpness(predicted: np.ndarray, live: np.ndarray, judged: np.ndarray) -> float:

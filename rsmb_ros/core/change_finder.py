@@ -164,7 +164,7 @@ class ChangeFinder:
         return mask
 
     def _evidence(self, frame: RegisteredFrame) -> Seen:
-        place = np.nan_to_num(frame.row_uncertainty, nan=0.0).astype(np.float32)
+        place = np.nan_to_num(frame.row_uncertainty, posinf=LOST).astype(np.float32)
         frame.judged[place >= LOST] = False
         colours, colour = frame.colours, None
         if colours is not None:

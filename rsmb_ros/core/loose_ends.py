@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 
 from .coarse import sub_pixel_peak
+from .lost_rows import lost_rows
 from .motion import CameraPath, shifted
 from .path_estimator import PathEstimator
 from .path_fit import PathFit
@@ -26,6 +27,7 @@ WINDOW = 3  # rows that are looked at together
 MISFIT = 2.5  # times the usual residual of a row that misfits ...
 LEAST = 3.0  # ... and grey levels at least
 KNOWN = 0.1  # of a row that must be judged
+FITS = 16  # rows in turn that fit: what misfits beyond them is no end
 FEWEST = 3  # rows that are worth the time
 MOST = 0.4  # of the frame; more is no end
 BEFORE = 8  # rows before an end that may be off already
@@ -53,6 +55,8 @@ def mended(
     """
     Return the frame by a path whose ends were followed anew, or as it is.
 
+    Ends that nothing brings back are `PathFit.lost`.
+
     Parameters
     ----------
     frame : Frame
@@ -68,6 +72,21 @@ def mended(
     loose = loose_rows(frame)
     if not loose.any():
         return frame
+    followed = _anew(frame, live, estimator, build, loose)
+    if followed is not None:
+        return followed
+    lost = lost_rows(frame, live.grey)
+    return build(replace(frame.fit, lost=lost)) if lost.any() else frame
+
+
+def _anew(
+    frame: AnyFrame,
+    live: LiveImage,
+    estimator: PathEstimator,
+    build: Callable[[PathFit], AnyFrame],
+    loose: np.ndarray,
+) -> AnyFrame | None:
+    """Follow the `loose` rows (M,) bool of a frame, see `mended`; None if that does not help."""
     path = frame.fit.path
     held = np.flatnonzero(~loose)
     for last, outwards in ((held[0], -1), (held[-1], 1)):
@@ -86,9 +105,9 @@ def mended(
     level = estimator.level_fit(0, live.points(1)[0], path)
     fit = level.run(start, not start.exposure_held, ITERATIONS, near=True)
     if fit.cost > (1.0 - GAIN) * frame.fit.cost or fit.used < STILL_USED * frame.fit.used:
-        return frame
+        return None
     again = build(fit)
-    return again if loose_rows(again).sum() < FEWER * loose.sum() else frame
+    return again if loose_rows(again).sum() < FEWER * loose.sum() else None
 
 
 def loose_rows(frame: Frame) -> np.ndarray:
@@ -101,9 +120,13 @@ def loose_rows(frame: Frame) -> np.ndarray:
     row = (np.abs(frame.residual) * frame.judged).sum(axis=1) / np.maximum(known, 1)
     off = cv2.blur(row[:, None], (1, WINDOW))[:, 0] > max(LEAST, MISFIT * np.median(row[seen]))
     for inwards in (seen, seen[::-1]):
-        # from the edge to the last row that misfits before most fit
+        # from the edge to the last row that misfits before most fit, or some in turn
         share = np.cumsum(off[inwards]) / np.arange(1, len(inwards) + 1)
-        misfits = np.flatnonzero(off[inwards[: int(np.argmax(share < 0.5))]])
+        in_turn = np.convolve(~off[inwards], np.ones(FITS), 'valid') >= FITS
+        end = min(
+            int(np.argmax(share < 0.5)), int(np.argmax(in_turn)) if in_turn.any() else len(seen)
+        )
+        misfits = np.flatnonzero(off[inwards[:end]])
         if len(misfits) >= FEWEST and misfits[-1] < MOST * len(inwards):
             loose[inwards[: misfits[-1] + 1 + BEFORE]] = True
     if loose.any():  # what is not seen lies beyond

@@ -26,10 +26,15 @@ class PathFit:
     exposure_held: bool = False  # it was given, and not looked for in this frame
     own_exposure: float = float('nan')  # what this frame alone says of it [rows]
     own_exposure_sigma: float = float('inf')  # [rows]
+    lost: np.ndarray | None = None  # (M,) bool, rows at which the path does not lie; None: none
 
 
 def row_uncertainty(fit: PathFit) -> np.ndarray:
-    """Standard deviation of each row's place at mid-exposure (M,) [px], from the Hessian."""
+    """
+    Return the standard deviation of each row's place at mid-exposure (M,) [px], from the Hessian.
+
+    Infinite where nothing is known of it.
+    """
     path = fit.path
     knots = len(path.control)
     dof = (len(fit.information) - EXTRA) // knots
@@ -43,4 +48,6 @@ def row_uncertainty(fit: PathFit) -> np.ndarray:
         own = np.arange(e, knots * dof, dof)
         covariance = cho_solve(factor, np.eye(len(fit.information))[:, own])[own]
         variance += np.einsum('tk,tk->t', basis @ covariance, basis)
+    if fit.lost is not None:
+        variance[fit.lost] = np.inf
     return np.sqrt(variance)

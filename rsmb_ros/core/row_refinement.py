@@ -43,6 +43,7 @@ class Frame(Protocol):
     predicted: np.ndarray  # (M, N) float32 [grey levels]
     residual: np.ndarray  # (M, N) float32, live - predicted [grey levels]
     judged: np.ndarray  # (M, N) bool, where the two can be compared
+    complete: np.ndarray  # (M, N) bool, where the reference covers the whole exposure
 
 
 AnyFrame = TypeVar('AnyFrame', bound=Frame)

@@ -13,7 +13,7 @@ import math
 import cv2
 import numpy as np
 
-from .change_finder import Finding
+from .change_finder import LOST, Finding
 from .evidence import MAX_Z2, Texture
 from .frame import RegisteredFrame
 from .segmentation import Blob
@@ -82,7 +82,7 @@ def _alike(before: np.ndarray, after: np.ndarray, factor: float) -> bool:
 def _sigma(finding: Finding, box: tuple[slice, slice]) -> np.ndarray:
     """Noise expected in a box of the frame [grey levels]."""
     frame = finding.frame
-    place = np.nan_to_num(frame.row_uncertainty[box[0]], nan=0.0)
+    place = np.nan_to_num(frame.row_uncertainty[box[0]], posinf=LOST)
     return finding.seen.noise(Texture.of(frame.predicted[box]), place) * frame.misfit[box]
 
 

@@ -62,7 +62,7 @@ class Result:
     valid_mask: np.ndarray  # (M, N) uint8, 255 judged, 0 unknown
     residual: np.ndarray  # chi (M, N) float32, live - registered [grey levels], 0 where unknown
     row_motion: np.ndarray  # (M, 6) float64, centroid tau_c of each row, see MOTION_COLUMNS
-    row_uncertainty: np.ndarray  # (M,) float64, standard deviation of the row's place [px]
+    row_uncertainty: np.ndarray  # (M,) float64, std. dev. of the row's place [px]; inf: lost
     regions: tuple[Region, ...]
     exposure_rows: float  # t_e / t_d, given or self-calibrated [rows]
     gain: float  # live / reference, in linear light, at the image centre

@@ -123,16 +123,17 @@ def test_rendered_rows_are_weighted_sums_of_warped_rows(texture_of, depth):
 
 
 @pytest.mark.parametrize('degrees', [2, 3])
-@pytest.mark.parametrize('seed', [1, 2, 3])
-def test_motion_is_found_as_well_as_the_authors_find_it(executor, degrees, seed):
-    """Their bar, nonuniform t_x, t_y: 0.18 and 0.14 px."""
-    frame = recipe_frame(seed, [8, 8, 0, 0, 0, 0])
-    fit = frame.fit(executor, degrees_of_freedom=degrees)
-    assert np.ptp(frame.truth.centroids, axis=0)[:2].max() > 5  # px: it does move
-    assert fit.solved.mean() > 0.7  # the others are homogeneous
-    error = frame.errors(fit)
-    assert error[0] < 0.18
-    assert error[1] < 0.14
+def test_motion_is_found_as_well_as_the_authors_find_it(executor, degrees):
+    """Their bar, nonuniform t_x, t_y, the mean over their pictures: 0.18 and 0.14 px."""
+    errors = []
+    for seed in range(1, 9):
+        frame = recipe_frame(seed, [8, 8, 0, 0, 0, 0])
+        fit = frame.fit(executor, degrees_of_freedom=degrees)
+        assert np.ptp(frame.truth.centroids, axis=0)[:2].max() > 5  # px: it does move
+        assert fit.solved.mean() > 0.7  # the others are homogeneous
+        errors.append(frame.errors(fit))
+    assert np.mean(errors, axis=0)[0] < 0.18
+    assert np.mean(errors, axis=0)[1] < 0.14
 
 
 def test_rotation_is_found_with_three_degrees_of_freedom(executor):
