@@ -154,23 +154,24 @@ def _told(batch: Batch, scheduler: str | None) -> int:
         )
     start, entries = time.monotonic(), []
     plans = batch.to_do
+    shown = sys.stderr.isatty()  # asked before the bar stands in for it
     if plans:
         crew: Crew = ClusterCrew(scheduler) if scheduler else LocalCrew(batch.job.workers or 1)
         try:
             with Interrupt() as interrupt, closing(batch.run(crew, interrupt.check)) as ended:
                 for entry in progress(ended, len(plans), 'batch'):
                     entries.append(entry)
-                    _tell(entry)
+                    _tell(entry, shown)
         except KeyboardInterrupt as error:
             raise KeyboardInterrupt('the same command goes on with the others') from error
     print(_summary(batch, entries, time.monotonic() - start))
     return int(bool(batch.left) or any(entry.status == FAILED for entry in entries))
 
 
-def _tell(entry: Entry) -> None:
+def _tell(entry: Entry, on_bar: bool) -> None:
     if entry.counts is None:
         _complain(f'{entry.name}: failed: {entry.reason}')
-    elif not sys.stderr.isatty():
+    elif not on_bar:
         lost = f', {entry.counts.skipped} could not be read' if entry.counts.skipped else ''
         kept = f', {entry.counts.resumed} kept of before' if entry.counts.resumed else ''
         print(

@@ -26,15 +26,12 @@ def narrated(items: Iterable[T | str], total: int, what: str) -> Iterator[T]:
 
     The line is drawn between items only: no thread takes time from what is measured.
     """
+    if not sys.stderr.isatty():  # a bar that is disabled ends with an empty line (rich 13)
+        yield from (item for item in items if not isinstance(item, str))
+        return
     console = Console(stderr=True)
     columns = (TextColumn('{task.description}'), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(
-        *columns,
-        console=console,
-        transient=True,
-        auto_refresh=False,
-        disable=not sys.stderr.isatty(),
-    ) as bar:
+    with Progress(*columns, console=console, transient=True, auto_refresh=False) as bar:
         task = bar.add_task(what, total=total)
         for item in items:
             if isinstance(item, str):
