@@ -14,8 +14,9 @@ from .row_refinement import Frame
 
 BLOCKS_ACROSS = 40  # blocks over the image's width; a band of rows is one of them high, ...
 LEAST_SIZE = 16  # ... and so many px at least: smaller ones agree by chance
-NOTHING = 0.1  # share of the blocks of the outermost band below which an end is lost, ...
-AGREES = 0.6  # ... up to the band where so many agree: on right ends 0.66 and more
+OUTERMOST = 2  # bands of which the reference shows something; in one of them
+NOTHING = 0.12  # share of the blocks that agree below which an end is lost, ...
+AGREES = 0.6  # ... up to the band where so many do: on right ends 0.66 and more
 MOST = 0.4  # of the frame; more is no end
 
 
@@ -38,13 +39,15 @@ def lost_rows(frame: Frame, grey: np.ndarray) -> np.ndarray:
     bands = [np.s_[at : at + size] for at in range(0, int(MOST * rows), size)]
     mirrored = [np.s_[rows - band.stop : rows - band.start] for band in bands]
     for inwards in (bands, mirrored):
-        begun = False
-        for band in inwards:
-            agreed = agreement(frame.predicted[band], grey[band], frame.complete[band], across)
-            if agreed is None and not begun:
-                continue  # nothing of the reference is seen yet
-            if agreed is not None and agreed >= (AGREES if begun else NOTHING):
+        agreed = [
+            agreement(frame.predicted[band], grey[band], frame.complete[band], across)
+            for band in inwards
+        ]
+        known = [share for share in agreed if share is not None]
+        if min(known[:OUTERMOST], default=1.0) >= NOTHING:
+            continue
+        for band, share in zip(inwards, agreed, strict=True):
+            if share is not None and share >= AGREES:
                 break
-            begun = True
             lost[band] = True
     return lost
