@@ -6,6 +6,7 @@ Jacobians are kept while the path moves little: only the residuals are looked at
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
@@ -45,6 +46,7 @@ SHORTER = 0.25  # share of such a step that is tried instead
 # How far an edge may be off for reasons that are not the camera, first and relaxed [px]: bounds
 # what a strong edge can say, so that one rich object does not outweigh the ground.
 MISPLACED = ((0.5, 0.1), (0.5, 0.5), (0.5, 0.5))
+EXPOSED, BLURRED = 5, 6  # which of the extra unknowns are exposure and defocus
 SHARP_ROWS = 3.0  # exposure of a frame that is taken for sharp
 DEFOCUS = (-0.3, 1.5)  # px^2, range; below 0 where the live frame is the sharper one
 
@@ -71,22 +73,28 @@ class LevelFit:
         self._stage = min(level.number, len(ITERATIONS) - 1)
 
     def run(
-        self, fit: PathFit, free_exposure: bool, most: int | None = None, near: bool = False
+        self,
+        fit: PathFit,
+        free_exposure: bool,
+        most: int | None = None,
+        near: bool = False,
+        free_defocus: bool = True,
     ) -> PathFit:
         """
         Iterate until the rows stand still, at most `most` times.
 
-        The exposure is kept unless `free_exposure`. A fit that is `near` is not held stiff at
-        first: that would undo what it knows of quick motion.
+        The exposure is kept unless `free_exposure`, the defocus unless `free_defocus`. A fit that
+        is `near` is not held stiff at first: that would undo what it knows of quick motion.
         """
+        held = [EXPOSED] * (not free_exposure) + [BLURRED] * (not free_defocus)
         with self._workspaces.lent() as room:
-            return self._iterated(self._linearised(fit, room), fit, free_exposure, most, near)
+            return self._iterated(self._linearised(fit, room), fit, held, most, near)
 
     def _iterated(
         self,
         linear: NormalEquations,
         fit: PathFit,
-        free_exposure: bool,
+        held: Sequence[int],
         most: int | None,
         near: bool,
     ) -> PathFit:
@@ -108,7 +116,7 @@ class LevelFit:
                 fit, moved = _stepped(base, step, self._dof, start_exposure), np.inf
                 continue
             base = _known(fit, spread)
-            priors = self._priors(iteration, free_exposure, start_exposure)
+            priors = self._priors(iteration, held, start_exposure)
             normal, gradient = priors.applied(
                 linear.arrow, linear.gradient, base.path.control, base.path.exposure_rows, fit.sigma
             )
@@ -121,7 +129,7 @@ class LevelFit:
             fit = _stepped(base, step, self._dof, start_exposure)
             if iteration >= RELAXED_AFTER and row_step < STOP_STEP[self._stage]:
                 break
-        fit = replace(fit, exposure_held=not free_exposure)
+        fit = replace(fit, exposure_held=EXPOSED in held)
         if self._level.number:
             return fit  # to be fitted at full size, which says more
         own, sigma = self._own_exposure(linear, fit, iteration, start_exposure)
@@ -145,22 +153,23 @@ class LevelFit:
         self, linear: NormalEquations, fit: PathFit, iteration: int, start: float
     ) -> tuple[float, float]:
         """Exposure this frame would choose, given all else it says, and its deviation [rows]."""
-        priors = self._priors(iteration, True, start)
+        priors = self._priors(iteration, [], start)
         exposure = fit.path.exposure_rows
         normal, gradient = priors.applied(
             linear.arrow, linear.gradient, fit.path.control, exposure, fit.sigma
         )
-        at = len(gradient) - AHEAD + 5
+        at = len(gradient) - AHEAD + EXPOSED
         unit = np.zeros_like(gradient)
         unit[at] = 1.0
         variance, wanted = normal.solved(unit, gradient)
         change = min(max(wanted[at], -0.5 * exposure), 0.5 * exposure)
         return float(exposure + change), float(fit.sigma * np.sqrt(max(variance[at], 0.0)))
 
-    def _priors(self, iteration: int, free_exposure: bool, exposure: float) -> Priors:
+    def _priors(self, iteration: int, held: Sequence[int], exposure: float) -> Priors:
+        """Return what is believed; extras that are `held` are known."""
         small = self._level.number > 1  # cannot tell blur from blur, nor light across the frame
         fixed = [] if self._config.photometric.vignetting and not small else [1, 2, 3]
-        fixed += [5] * (small or not free_exposure) + [6] * small
+        fixed += [EXPOSED, BLURRED] if small else held
         return Priors(
             _relaxed(STIFFNESS[self._stage], iteration), tuple(fixed), exposure, self._dof
         )
@@ -178,7 +187,7 @@ def _stepped(fit: PathFit, step: np.ndarray, dof: int, start_exposure: float) ->
     control[:, :dof] += step[:-AHEAD].reshape(-1, dof)
     extra = step[-AHEAD:]
     # within the span that the knots cover, and no leap in one step
-    change = min(max(extra[5], -0.2 * path.exposure_rows), 0.2 * path.exposure_rows)
+    change = min(max(extra[EXPOSED], -0.2 * path.exposure_rows), 0.2 * path.exposure_rows)
     exposure = min(
         max(path.exposure_rows + change, start_exposure * 0.4), start_exposure * MOST_CHANGE
     )
@@ -186,7 +195,7 @@ def _stepped(fit: PathFit, step: np.ndarray, dof: int, start_exposure: float) ->
         fit,
         path=replace(path, control=control, exposure_rows=float(exposure)),
         light=Light(fit.light.gain + extra[:4], fit.light.bias + float(BIAS_SCALE) * extra[4]),
-        defocus=float(min(max(fit.defocus + extra[6], DEFOCUS[0]), DEFOCUS[1])),
+        defocus=float(min(max(fit.defocus + extra[BLURRED], DEFOCUS[0]), DEFOCUS[1])),
     )
 
 

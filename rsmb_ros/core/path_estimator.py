@@ -152,7 +152,10 @@ class PathEstimator:
 
         def trial(exposure: float) -> PathFit:
             fit = _with_exposure(start, exposure)
-            return self._fit_level(finest, few, fit, True, TRIAL, shared=False)
+            # a lens is told apart last: it would take the blur for its own before the exposure has
+            # grown to its length, and does not give it back
+            lens = exposure <= SHARP_ROWS
+            return self._fit_level(finest, few, fit, True, TRIAL, shared=False, free_defocus=lens)
 
         def finished(fit: PathFit) -> PathFit:
             return self._fit_level(finest, points[finest], fit, True, shared=False)
@@ -184,8 +187,10 @@ class PathEstimator:
         most: int | None = None,
         near: bool = False,
         shared: bool = True,
+        free_defocus: bool = True,
     ) -> PathFit:
-        return self.level_fit(n, points, fit.path, shared).run(fit, free_exposure, most, near)
+        level = self.level_fit(n, points, fit.path, shared)
+        return level.run(fit, free_exposure, most, near, free_defocus)
 
 
 def _most_of_a_row(mask: np.ndarray) -> float:

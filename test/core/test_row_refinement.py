@@ -139,7 +139,7 @@ def test_frame_refused_for_its_vibration_is_registered(texture):
 
 
 def test_shaking_that_the_first_start_cannot_follow_is_found_by_another(texture):
-    found = case(texture, vibration=19.5, period=64.0, exposure=0.5)  # up to 1.9 px a row
+    found = case(texture, vibration=14.0, period=48.0, exposure=0.5)  # up to 1.8 px a row
     result = detected(found)
     assert 'second start' in result.timings_ms
     assert result.status == 'registered'
