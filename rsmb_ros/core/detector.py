@@ -214,12 +214,10 @@ class Detector:
         """Register from feature matches; None when that may not be trusted either."""
         if matches is None:
             return None
-        # where a scene is no plane, blur hides what does not fit: then try without
-        for sharp in (False, True):
-            frame = stage.frame(live, grey, matches, sharp)
-            if not self._misfit(frame):
-                return frame
-        return None
+        # where a scene is no plane, blur hides what does not fit: try without as well
+        frames = (stage.frame(live, grey, matches, sharp) for sharp in (False, True))
+        fitting = [frame for frame in frames if not self._misfit(frame)]
+        return min(fitting, key=lambda frame: frame.cost, default=None)
 
     def _shaken(
         self, stage: PathStage | RowStage, refused: RegisteredFrame, matches: StripMatches
