@@ -388,8 +388,7 @@ def test_defocus_is_not_taken_for_exposure(texture, defocus):
     assert np.median(row_errors(found, result)) < 0.06
     blur = 0.05 * result.exposure_rows  # px
     assert blur < 1.2
-    # what the simulator's interpolation blurs, some 0.2 px^2, looks like defocus too
-    np.testing.assert_allclose(result.views.fit.defocus, defocus**2 + 0.2, atol=0.25)
+    np.testing.assert_allclose(result.views.fit.defocus, defocus**2 + 0.1, atol=0.2)
 
 
 def test_results_do_not_depend_on_where_arrays_lie(texture):
