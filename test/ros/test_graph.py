@@ -65,14 +65,18 @@ def test_qos_is_as_overridden_and_as_promised_elsewhere(pair):
     from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 
     node = pair.peers[0].node
-    (own,) = node.get_subscriptions_info_by_topic('/left/image')
-    assert own.qos_profile.reliability == ReliabilityPolicy.RELIABLE
-    (own,) = node.get_publishers_info_by_topic('/left/rsmb/change_mask')
-    assert own.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-    (own,) = node.get_subscriptions_info_by_topic('/right/cam/image_rect')
-    assert own.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-    (own,) = node.get_publishers_info_by_topic('/right/rsmb/change_mask')
-    assert own.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+
+    def endpoint(infos, topic):
+        """Return what is known of the only endpoint, which is discovered in its own time."""
+        pair.peers[0].wait_until(lambda: infos(topic), ANSWER_S, f'an endpoint at {topic}')
+        (own,) = infos(topic)
+        return own.qos_profile.reliability
+
+    subscribed, published = node.get_subscriptions_info_by_topic, node.get_publishers_info_by_topic
+    assert endpoint(subscribed, '/left/image') == ReliabilityPolicy.RELIABLE
+    assert endpoint(published, '/left/rsmb/change_mask') == ReliabilityPolicy.BEST_EFFORT
+    assert endpoint(subscribed, '/right/cam/image_rect') == ReliabilityPolicy.BEST_EFFORT
+    assert endpoint(published, '/right/rsmb/change_mask') == ReliabilityPolicy.RELIABLE
     durabilities = {
         info.qos_profile.durability
         for info in node.get_subscriptions_info_by_topic('/right/reference/image')
