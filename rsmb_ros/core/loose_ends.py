@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from .coarse import sub_pixel_peak
-from .lost_rows import lost_rows
+from .lost_rows import MOST, lost_rows
 from .motion import CameraPath, shifted
 from .path_estimator import PathEstimator
 from .path_fit import PathFit
@@ -29,7 +29,6 @@ LEAST = 3.0  # ... and grey levels at least
 KNOWN = 0.1  # of a row that must be judged
 FITS = 16  # rows in turn that fit: what misfits beyond them is no end
 FEWEST = 3  # rows that are worth the time
-MOST = 0.4  # of the frame; more is no end
 BEFORE = 8  # rows before an end that may be off already
 STRIP = 5  # rows that are matched as one
 REACH = 4  # px around the place that the strip before lets expect
