@@ -139,11 +139,15 @@ def test_frame_refused_for_its_vibration_is_registered(texture):
 
 
 def test_shaking_that_the_first_start_cannot_follow_is_found_by_another(texture):
-    found = case(texture, vibration=14.0, period=48.0, exposure=0.5)  # up to 1.8 px a row
-    result = detected(found)
-    assert 'second start' in result.timings_ms
-    assert result.status == 'registered'
-    assert np.median(row_errors(found, result)) < 0.15
+    """Which of them the first start follows is chance: strips match or do not."""
+    second = 0
+    for vibration in (12.0, 13.0, 14.0, 15.0, 16.0):  # up to 2.1 px a row
+        found = case(texture, vibration, period=48.0, exposure=0.5)
+        result = detected(found)
+        assert result.status == 'registered', vibration
+        assert np.median(row_errors(found, result)) < 0.15
+        second += 'second start' in result.timings_ms
+    assert second > 0
 
 
 def test_no_start_registers_what_does_not_match(texture, texture_of):
