@@ -86,7 +86,7 @@ class DepthSearch:
         beside = None
         if near:
             best = self.energy.best(window, mask, np.array(near), reach)
-            beside = self._explained(best, reach, window, mask)
+            beside = self._explained(best, reach, window, mask, MIN_CORE)
             if beside is not None and _fits(beside.place):
                 return beside
         if (blob, self.path) in self.refused:
@@ -106,14 +106,13 @@ class DepthSearch:
         reach: float,
         window: Window,
         mask: np.ndarray,
-        core: float = MIN_CORE,
+        core: float,
     ) -> Layer | None:
         """
         Return the layer that explains an object at its best depth, or not far from there.
 
-        `core` is the share of the frame that must be explained in one piece, default `MIN_CORE`.
+        `core` is the share of the frame that must be explained in one piece.
         """
-        core = MIN_CORE if core is None else core
         depth = best.depth
         parallax = reach * abs(1.0 / depth - 1.0)
         layer, share = None, 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from queue import Queue
 from types import TracebackType
 from typing import Protocol
@@ -15,28 +16,19 @@ HELD = 2  # frames that may wait to be written
 
 
 class Writing(Protocol):
-    """
-    Gives frames to sinks, in their order; a context manager that ends when all are written.
-
-    The sinks are not closed by it.
-    """
+    """Gives frames to sinks, in their order; the sinks are not closed by it."""
 
     def put(self, compared: Compared) -> None:
         """Have a frame written; raises what went wrong with it, or with an earlier one."""
 
-    def __enter__(self) -> Writing: ...
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None: ...
+def writing(sinks: Sequence[Sink], beside: bool) -> AbstractContextManager[Writing]:
+    """
+    Return what writes `beside` the work of the caller, or as part of it: in one thread.
 
-
-def writing(sinks: Sequence[Sink], beside: bool) -> Writing:
-    """Return what writes `beside` the work of the caller, or as part of it: in one thread."""
-    return WritingBeside(sinks) if beside else WritingInline(sinks)
+    When it ends all frames are written.
+    """
+    return WritingBeside(sinks) if beside else nullcontext(WritingInline(sinks))
 
 
 class WritingInline:
@@ -49,17 +41,6 @@ class WritingInline:
         """Write a frame."""
         for sink in self._sinks:
             sink.take(*compared)
-
-    def __enter__(self) -> WritingInline:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Nothing is left to do."""
 
 
 class WritingBeside:
