@@ -20,7 +20,7 @@ from .colour import ColourEvidence
 from .config import Config
 from .depth_search import DepthSearch
 from .entropy import entropy_candidates
-from .evidence import OUTLINE_WINDOW, NoiseTable, Texture, box_rms
+from .evidence import EVIDENCE_WINDOW, OUTLINE_WINDOW, NoiseTable, Texture, box_rms
 from .frame import RegisteredFrame
 from .layers import Layer
 from .motion import moved_px
@@ -28,7 +28,7 @@ from .path_stage import PathStage
 from .refused import Refused
 from .row_frame import RowStage
 from .segmentation import blobs, candidates, outline_level
-from .workers import beside
+from .workers import beside, each
 
 # Share of the frame that must misfit before the path is fitted again without it: an object whose
 # texture outdoes the ground's has bent the path, and no single depth then explains it.
@@ -57,17 +57,25 @@ class Seen:
     @cached_property
     def sharp(self) -> np.ndarray:
         """
-        Evidence over a smaller window (M, N) float32 [sigma].
+        Evidence over a smaller window (M, N) float32 [sigma], 0 far from all candidates.
 
         However strong a residual is, `outline` is reached where it fills half of the window: it
         does not widen its object.
         """
-        sharp = box_rms(np.minimum(self.squares, np.float32(2.0 * self.outline**2)), OUTLINE_WINDOW)
-        if self.colour is None:
-            return sharp
-        # brightness has the finer outline, wherever there is one
-        dim = box_rms(self.squares) < self.colour.sharp / OUTLINED
-        return np.where(dim, np.maximum(sharp, self.colour.sharp), sharp)
+        left, top, width, height = cv2.boundingRect(self.mask)
+        reach = EVIDENCE_WINDOW  # at the edge of the box it sees less, but no candidate does
+        box = np.s_[
+            max(0, top - reach) : top + height + reach, max(0, left - reach) : left + width + reach
+        ]
+        squares = self.squares[box]
+        sharp = np.zeros(self.mask.shape, np.float32)
+        sharp[box] = box_rms(np.minimum(squares, 2.0 * self.outline**2), OUTLINE_WINDOW)
+        if self.colour is not None:
+            # brightness has the finer outline, wherever there is one
+            colour = self.colour.sharp[box]
+            dim = box_rms(squares) < colour / OUTLINED
+            np.maximum(sharp[box], colour, out=sharp[box], where=dim)
+        return sharp
 
 
 @dataclass(frozen=True)
@@ -113,6 +121,7 @@ class ChangeFinder:
         with clock.step('change'):
             seen = self._evidence(frame)
         layers: list[Layer] = []
+        known: list[Layer] = []  # at the last search
         refused = Refused()
         if self._config.layers.enabled and seen.mask.any():
             with clock.step('layers'):
@@ -127,13 +136,14 @@ class ChangeFinder:
                 seen = self._evidence(frame)
             if self._config.layers.enabled:
                 with clock.step('layers again'):
-                    layers = self._layers(frame, seen, refused, layers)
-                    frame.put_in_front(layers)
-                    seen = self._evidence(frame)
+                    known, layers = layers, self._layers(frame, seen, refused, layers)
+                    if layers:
+                        frame.put_in_front(layers)
+                        seen = self._evidence(frame)
             if moved_px(before.path, frame.path) < STILL:
                 break
         doubtful = _doubtful_rows(seen.mask * frame.judged)
-        if self._config.layers.enabled:
+        if known or layers:
             with clock.step('layers again'):
                 seen = self._last_look(frame, seen, refused, layers)
         return Finding(frame, seen, tuple(layers), doubtful)
@@ -204,7 +214,8 @@ class ChangeFinder:
             config.change,
             refused,
         )
-        layers = [layer for blob in blobs(seen.mask) if (layer := search.explain(blob, known))]
+        explain = partial(search.explain, known=known)
+        layers = list(filter(None, each(self._executor, explain, blobs(seen.mask))))
         rest = seen.mask.copy()
         for layer in layers:
             rest[layer.blob.box][layer.blob.mask] = 0

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 
-from .evidence import MAX_Z2, OUTLINE_WINDOW, NoiseTable, Texture, box_rms
+from ._kernels.evidence import surprise_of_tint
+from .evidence import MAX_Z2, OUTLINE_WINDOW, NoiseTable, Texture, box_rms, misplaced
 
 WEIGHT = np.float32(0.5)  # of a deviation: cameras keep colours at half the size, and less exactly
 WINDOW = 5  # px of the half-size image
 SATURATED = np.float32(0.08)  # of a tint that may be lost next to its edges
-GREY = 128.0  # of tints without colour, as `cv2.cvtColor` has them
+GREY = 128  # tints without colour, as `cv2.cvtColor` has them
 SOME = np.s_[::4, ::4]  # pixels that tell white balance and usual deviation
+AROUND = np.ones((5, 5), np.uint8)  # px of the half-size image, which an edge may be mixed from
 CLEAR = 6.0  # levels of tint; less is no other colour
 CLEARLY = 2.5  # times what most of the frame is off
 
@@ -23,13 +27,25 @@ def tints(image: np.ndarray) -> np.ndarray:
     return cv2.cvtColor(image, cv2.COLOR_BGR2YCrCb)[..., 1:].astype(np.float32)
 
 
+def _half(image: np.ndarray) -> Sequence[np.ndarray]:
+    """Tints C_r, C_b of a BGR image (M, N, 3) uint8 at half its size, (M // 2, N // 2) uint8."""
+    rows, cols = image.shape[:2]
+    small = cv2.resize(image, (cols // 2, rows // 2), interpolation=cv2.INTER_AREA)
+    return cv2.split(cv2.cvtColor(small, cv2.COLOR_BGR2YCrCb))[1:]
+
+
 @dataclass(frozen=True)
 class ColourEvidence:
-    """How surprising the colours of a live frame of M x N px are."""
+    """How surprising the colours of a live frame are."""
 
     strength: np.ndarray  # (M, N) float32 [sigma], comparable to that of brightness
-    sharp: np.ndarray  # the same over a smaller window
+    squares: np.ndarray  # (M // 2, N // 2) float32, of the normalised residual, truncated
     limit: float  # levels that the tint of a place may be off and still be the same
+
+    @cached_property
+    def sharp(self) -> np.ndarray:
+        """Evidence over a smaller window (M, N) float32 [sigma]."""
+        return _over(OUTLINE_WINDOW, self.squares, self.strength.shape)
 
     @classmethod
     def of(
@@ -47,33 +63,31 @@ class ColourEvidence:
         """
         rows, cols = judged.shape
         half = (cols // 2, rows // 2)
-        seen, known = (
-            tints(cv2.resize(image, half, interpolation=cv2.INTER_AREA))
-            for image in (live, predicted)
-        )
         valid = cv2.resize(judged.view(np.uint8), half, interpolation=cv2.INTER_NEAREST) > 0
-        worse = cv2.resize(misfit, half, interpolation=cv2.INTER_NEAREST)
+        worse = cv2.resize(misfit, half, interpolation=cv2.INTER_NEAREST) / WEIGHT
         off = cv2.resize(place[:, None], (1, half[1]))[:, 0] / 2.0
         squares = np.zeros(valid.shape, np.float32)
         limits = [CLEAR]
-        for tint, expected in zip(cv2.split(seen), cv2.split(known), strict=True):
-            residual = tint - expected
+        for tint, expected in zip(_half(live), _half(predicted), strict=True):
+            residual = cv2.subtract(tint, expected, dtype=cv2.CV_32F)
             some = residual[SOME][valid[SOME]]
+            balance = np.median(some) if some.size else np.float32(0.0)
             if some.size:
-                balance = np.median(some)
-                residual -= balance
                 limits.append(CLEARLY * float(np.percentile(np.abs(some - balance), 90)))
-            texture = Texture.of(expected)
-            noise = NoiseTable.learn(texture, residual, valid)(texture, off)
+            texture = Texture.of(expected.astype(np.float32))
+            noise = NoiseTable.learn(texture, residual - balance, valid)
             # near edges of rich colours a camera that keeps them at half the size is off by more
-            rich = SATURATED * cv2.dilate(cv2.absdiff(expected, GREY), np.ones((5, 5), np.uint8))
-            off_by = residual / (cv2.magnitude(noise, rich) * (worse / WEIGHT))
-            squares = np.maximum(squares, np.minimum(off_by * off_by, MAX_Z2) * valid)
-        strength, sharp = (
-            cv2.resize(box_rms(squares, size), (cols, rows), interpolation=cv2.INTER_LINEAR)
-            for size in (WINDOW, OUTLINE_WINDOW)
-        )
-        return cls(strength, sharp, max(limits))
+            rich = cv2.dilate(cv2.absdiff(expected, np.full_like(expected, GREY)), AROUND)
+            surprise_of_tint(
+                residual, balance, worse, valid, texture.code, texture.energy, noise.variances,
+                misplaced(texture, off), rich, SATURATED, MAX_Z2, squares,
+            )  # fmt: skip
+        return cls(_over(WINDOW, squares, judged.shape), squares, max(limits))
+
+
+def _over(window: int, squares: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Root mean square over a window of an image at half size, float32 of `shape`."""
+    return cv2.resize(box_rms(squares, window), shape[::-1], interpolation=cv2.INTER_LINEAR)
 
 
 def tint_off(live: np.ndarray, predicted: np.ndarray, mask: np.ndarray) -> float:

@@ -311,10 +311,13 @@ def warm_up(config: Config = Config(), depth: bool = False) -> None:
     coarse = rng.integers(30, 220, (16, 20), dtype=np.uint8)
     reference = cv2.resize(coarse, (160, 128), interpolation=cv2.INTER_CUBIC)
     reference[60:70, 60:70] = 255  # what is clipped is rendered, too
-    layers = np.ones(reference.shape, np.float32)
+    reference = cv2.merge([reference] * 3)
+    layers = np.ones(reference.shape[:2], np.float32)
     layers[40:80, 50:100] = 0.8
     detector = Detector(reference, config=config, depth=layers if depth else None)
-    result = detector.detect(np.roll(reference, 3, axis=1))
+    live = np.roll(reference, 3, axis=1)
+    live[84:114, 20:60] = 255 - live[84:114, 20:60]  # depths are searched for what is new
+    result = detector.detect(live)
     result.rectified  # noqa: B018 - computed on first use
     if isinstance(result.views, RegisteredFrame):
         mask = np.ones((8, 8), bool)  # nothing here is at another depth by itself

@@ -62,11 +62,10 @@ class NoiseTable:
     @classmethod
     def learn(cls, texture: Texture, residual: np.ndarray, valid: np.ndarray) -> NoiseTable:
         """Learn from a predicted image, its residual (M, N) [grey levels] and where it holds."""
-        counts = np.zeros(256 * 256, np.int64)
-        kernels.count_codes(texture.code, valid, counts)
-        counts = counts.reshape(256, 256)
-        intensity_bin = _equal_share_bins(counts.sum(axis=1), INTENSITY_BINS)
-        texture_bin = _equal_share_bins(counts.sum(axis=0), TEXTURE_BINS)
+        levels, steps = np.zeros((2, 256), np.int64)
+        kernels.count_codes(texture.code, valid, levels, steps)
+        intensity_bin = _equal_share_bins(levels, INTENSITY_BINS)
+        texture_bin = _equal_share_bins(steps, TEXTURE_BINS)
         histogram = np.zeros((INTENSITY_BINS * TEXTURE_BINS, 256), np.int64)
         kernels.count_residuals(
             texture.code,
@@ -99,8 +98,8 @@ class NoiseTable:
 
         `place` (M,) is the standard deviation of each row's place [px].
         """
-        misplaced = _misplaced(texture, place)[:, None]
-        return np.sqrt(self.variances[texture.code] + misplaced * texture.energy)
+        edges = misplaced(texture, place)[:, None] * texture.energy
+        return np.sqrt(self.variances[texture.code] + edges)
 
     def surprise(
         self,
@@ -119,7 +118,7 @@ class NoiseTable:
         out = np.empty(residual.shape, np.float32)
         kernels.surprise_rows(
             0, len(residual), residual, misfit, judged, texture.code, texture.energy,
-            self.variances, _misplaced(texture, place), MAX_Z2, out,
+            self.variances, misplaced(texture, place), MAX_Z2, out,
         )  # fmt: skip
         return out
 
@@ -136,7 +135,7 @@ def box_rms(squares: np.ndarray, size: int = EVIDENCE_WINDOW) -> np.ndarray:
     return out
 
 
-def _misplaced(texture: Texture, place: np.ndarray | None) -> np.ndarray:
+def misplaced(texture: Texture, place: np.ndarray | None) -> np.ndarray:
     """Variance of the place of each row's edges (M,) float32 [px^2]."""
     still = np.full(len(texture.energy), MISPLACED**2, np.float32)
     return still if place is None else still + (PLACE_SHARE * place.astype(np.float32)) ** 2

@@ -148,12 +148,17 @@ def blobs(mask: np.ndarray) -> list[Blob]:
     if width == 0:
         return []
     part = mask[top : top + height, left : left + width]
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(part, connectivity=8)
-    found = []
-    for n in range(1, count):
-        x, y, width, height = (int(value) for value in stats[n, :4])
-        found.append(Blob(labels[y : y + height, x : x + width] == n, left + x, top + y))
-    return found
+    # boxes by outlines: OpenCV's own statistics of the regions take longer than all of this
+    _, labels = cv2.connectedComponents(part, connectivity=8)
+    outlines, nesting = cv2.findContours(part, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    found: dict[int, Blob] = {}
+    for outline, (*_, parent) in zip(outlines, nesting[0], strict=True):
+        if parent < 0:  # else it is a hole
+            x, y, width, height = cv2.boundingRect(outline)
+            n = int(labels[tuple(outline[0, 0, ::-1])])
+            own = labels[y : y + height, x : x + width] == n
+            found[n] = Blob(own, left + x, top + y)
+    return [found[n] for n in sorted(found)]
 
 
 def drawn(found: list[Blob], shape: tuple[int, ...]) -> np.ndarray:

@@ -103,12 +103,14 @@ def describe_rows(first, last, image, energy, code):
 
 
 @njit(**OPTIONS)
-def count_codes(code, valid, counts):
-    """Count how often every second pixel of every second row has each code (65536,)."""
+def count_codes(code, valid, levels, steps):
+    """Count how often every second pixel of every second row has each level and step (256,)."""
     for y in range(0, code.shape[0], 2):
         for x in range(0, code.shape[1], 2):
             if valid[y, x]:
-                counts[code[y, x]] += 1
+                n = code[y, x]
+                levels[n >> 8] += 1
+                steps[n & 255] += 1
 
 
 @njit(**OPTIONS)
@@ -160,6 +162,28 @@ def surprise_rows(
             variance = (variances[code[y, x]] + place * energy[y, x]) * scale * scale
             z2 = min(residual[y, x] * residual[y, x] / variance, top)
             out[y, x] = z2 if judged[y, x] else np.float32(0.0)
+
+
+@njit(**OPTIONS)
+def surprise_of_tint(
+    residual, balance, misfit, judged, code, energy, variances, misplaced, colour, share, most, out,
+):
+    """
+    Raise `out` to min(z^2, most) of a tint's `residual` (M, N) where it is judged.
+
+    `balance` is what all residuals are off by; `colour` (M, N) uint8 is how rich the colours
+    around a pixel are, of which a `share` may be lost.
+    """
+    top = np.float32(most)
+    for y in range(residual.shape[0]):
+        place = misplaced[y]
+        for x in range(residual.shape[1]):
+            scale = misfit[y, x]
+            lost = share * np.float32(colour[y, x])
+            variance = (variances[code[y, x]] + place * energy[y, x] + lost * lost) * scale * scale
+            off = residual[y, x] - balance
+            z2 = min(off * off / variance, top)
+            out[y, x] = max(out[y, x], z2 if judged[y, x] else np.float32(0.0))
 
 
 @njit(**OPTIONS)
