@@ -109,7 +109,8 @@ class PathEstimator:
         points = [
             points.without(mask > 0) for points, mask in zip(live.points(count), masks, strict=True)
         ]
-        return self._fit_levels(points, fit, 0, not fit.exposure_held, near=shaking or little)
+        # where the ground is, is known by now: to be stiff at first would undo it
+        return self._fit_levels(points, fit, 0, not fit.exposure_held, near=True)
 
     def level_fit(self, n: int, points: Points, path: CameraPath, shared: bool = True) -> LevelFit:
         """
