@@ -133,15 +133,18 @@ class ChangeFinder:
             # what is known not to be ground must not have bent the path
             with clock.step('refine'):
                 before, frame = frame, stage.refined(frame, foreground)
+                still = moved_px(before.path, frame.path) < STILL
+                if still:
+                    frame.put_in_front(layers)
                 seen = self._evidence(frame)
+            if still:  # and so are the static objects
+                break
             if self._config.layers.enabled:
                 with clock.step('layers again'):
                     known, layers = layers, self._layers(frame, seen, refused, layers)
                     if layers:
                         frame.put_in_front(layers)
                         seen = self._evidence(frame)
-            if moved_px(before.path, frame.path) < STILL:
-                break
         doubtful = _doubtful_rows(seen.mask * frame.judged)
         if known or layers:
             with clock.step('layers again'):

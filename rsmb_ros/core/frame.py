@@ -18,7 +18,7 @@ from .path_fit import PathFit, row_uncertainty
 from .reference import Reference, at_limit
 from .render import Shown, Window, blurred, rectified, shown
 from .sampling import defocused
-from .workers import shared
+from .workers import each, shared
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
 MAX_RESIDUAL = 30.0  # grey levels; beyond that a pixel shows something else
@@ -151,16 +151,15 @@ class RegisteredFrame(ABC):
 
     @cached_property
     def _hidden(self) -> Fronts:
-        return Fronts(self.path)
+        return Fronts(self.path, self._executor)
 
     def put_in_front(self, layers: list[Layer]) -> None:
         """Composite static objects over the background; their edges are no longer judged."""
         self._fronts = self._hidden.of(layers)
+        new = [front for front in self._fronts if front not in self._in_front]
+        self._in_front.update(zip(new, each(self._executor, self._own, new), strict=True))
         for front in self._fronts:
-            box = front.window.box
-            if front not in self._in_front:
-                self._in_front[front] = self._own(front)
-            own = self._in_front[front]
+            box, own = front.window.box, self._in_front[front]
             self.judged[box] &= ~front.unknown(own.grey, own.complete, self.predicted[box])
             inside = front.inside & own.complete
             self.predicted[box][inside] = own.grey[inside]

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import cv2
 import numpy as np
@@ -18,6 +19,7 @@ from ._kernels.cover import draw_masks, watch_cover
 from .motion import CameraPath, Grid, homographies
 from .render import Window
 from .segmentation import Blob
+from .workers import each
 
 GAP = 0.04  # of the width: gaps in an object's outline that still belong to it
 EDGE = 9  # px: an object's outline is known to half of this
@@ -91,29 +93,32 @@ class Fronts:
     ----------
     path : CameraPath
         Of the live frame.
+    executor : Executor
+        Threads that share the work.
 
     """
 
-    def __init__(self, path: CameraPath) -> None:
+    def __init__(self, path: CameraPath, executor: Executor) -> None:
         self._path = path
+        self._executor = executor
         self._known: dict[tuple[Layer, ...], Front | None] = {}
 
     def of(self, layers: Sequence[Layer]) -> list[Front]:
         """Find where static objects hide the background, farthest first."""
-        found = []
         places = {layer.place for layer in layers}
-        for place in sorted(places, key=lambda p: (p.relative_depth, p.shift), reverse=True):
-            pieces = tuple(layer for layer in layers if layer.place == place)
-            if pieces not in self._known:
-                self._known[pieces] = _front(place, pieces, self._path)
-            front = self._known[pieces]
-            if front is not None:
-                found.append(front)
-        return found
+        sets = [
+            tuple(layer for layer in layers if layer.place == place)
+            for place in sorted(places, key=lambda p: (p.relative_depth, p.shift), reverse=True)
+        ]
+        new = [pieces for pieces in sets if pieces not in self._known]
+        drawn = each(self._executor, partial(_front, path=self._path), new)
+        self._known.update(zip(new, drawn, strict=True))
+        return [front for pieces in sets if (front := self._known[pieces])]
 
 
-def _front(place: Place, pieces: Sequence[Layer], path: CameraPath) -> Front | None:
+def _front(pieces: Sequence[Layer], path: CameraPath) -> Front | None:
     """Find where pieces at one place surely and perhaps are; None: nowhere."""
+    place = pieces[0].place
     depth, shift = place.relative_depth, place.shift
     cover = _cover_in_reference(pieces, place, path)
     samples = path.samples_per_row(STEP_PX, stretch=max(1.0, 1.0 / depth))

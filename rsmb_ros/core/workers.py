@@ -81,6 +81,8 @@ def beside(executor: Executor, task: Callable[[], T]) -> Callable[[], T]:
 
 def each(executor: Executor, run: Callable[[T], R], items: Sequence[T]) -> list[R]:
     """Return `run` of each item, in their order, by several threads at once."""
+    if len(items) < 2:
+        return [run(item) for item in items]
     results: list[R | None] = [None] * len(items)
 
     def block(first: int, last: int) -> None:

@@ -15,9 +15,11 @@ from rsmb_ros.core.layers import Fronts, Layer, Place
 from rsmb_ros.core.render import Window
 from rsmb_ros.core.segmentation import Blob
 from rsmb_ros.core.synthesis import Scene, Sheet
+from rsmb_ros.core.workers import workers
 
 SHAPE = (240, 320)
 DEPTH = 0.8
+ONE = workers(1)
 
 
 @pytest.fixture(scope='module')
@@ -45,7 +47,7 @@ def boxed(ground, texture_of, executor):
 
 def masks(found, layers, executor):
     inside, edge = np.zeros(SHAPE, bool), np.zeros(SHAPE, bool)
-    for front in Fronts(found.frame.path).of(layers):
+    for front in Fronts(found.frame.path, ONE).of(layers):
         inside[front.window.box] |= front.inside
         edge[front.window.box] |= front.edge
     return inside, edge
@@ -106,9 +108,9 @@ def test_pieces_at_one_place_are_one_front_and_others_come_farthest_first(boxed,
         whole, blob=replace(whole.blob, mask=whole.blob.mask & half), sure=whole.sure & half
     )
     behind = replace(whole, place=Place(1.2))
-    found = Fronts(boxed.frame.path).of([upper, behind, lower])
+    found = Fronts(boxed.frame.path, ONE).of([upper, behind, lower])
     assert [front.place.relative_depth for front in found] == [1.2, DEPTH]
-    alone = Fronts(boxed.frame.path).of([whole])[0]
+    alone = Fronts(boxed.frame.path, ONE).of([whole])[0]
     one = found[1]
     full = np.zeros((2, *SHAPE), bool)
     for part, front in zip(full, (alone, one), strict=True):
@@ -156,7 +158,7 @@ def test_what_a_layer_shows_from_beyond_the_reference_is_not_judged(ground, text
 
 def test_a_front_is_worked_out_once(boxed):
     first, second = layer_of(boxed, Place(DEPTH)), layer_of(boxed, Place(1.2))
-    known = Fronts(boxed.frame.path)
+    known = Fronts(boxed.frame.path, ONE)
     (front,) = known.of([first])
     assert known.of([first, second])[1] is front
     assert known.of([replace(first)])[0] is not front
@@ -179,7 +181,7 @@ def test_a_gap_at_the_edge_of_the_frame_belongs_to_what_goes_on_beyond_it(boxed,
 
 
 def test_a_window_is_no_larger_than_its_masks(boxed):
-    (front,) = Fronts(boxed.frame.path).of([layer_of(boxed, Place(DEPTH))])
+    (front,) = Fronts(boxed.frame.path, ONE).of([layer_of(boxed, Place(DEPTH))])
     touched = front.inside | front.edge
     assert all(side.any() for side in (touched[0], touched[-1], touched[:, 0], touched[:, -1]))
     core = front.inside[front.core]
@@ -201,7 +203,7 @@ def test_at_a_slight_parallax_only_where_it_matters_an_outline_is_not_judged(
     """Less than a pixel or two: object and ground next to each other may look the same in both."""
     near = known_frame(Scene(ground, 40, (box(texture_of, 0.97),)), executor)
     layer = layer_of(near, Place(0.97))
-    (front,) = Fronts(near.frame.path).of([layer])
+    (front,) = Fronts(near.frame.path, ONE).of([layer])
     assert front.slight
     own, _, complete = near.frame.render(0.97, front.window)
     unknown = front.unknown(own, complete, near.frame.predicted[front.window.box])
@@ -209,7 +211,7 @@ def test_at_a_slight_parallax_only_where_it_matters_an_outline_is_not_judged(
     assert unknown[front.edge & apart].all()
     assert not unknown[~front.edge].any()
     assert 0.2 < np.count_nonzero(unknown) / np.count_nonzero(front.edge) < 0.9
-    (far,) = Fronts(near.frame.path).of([replace(layer, place=Place(0.8))])
+    (far,) = Fronts(near.frame.path, ONE).of([replace(layer, place=Place(0.8))])
     assert not far.slight
     own, _, complete = near.frame.render(0.8, far.window)
     same = far.unknown(own, complete, own)
@@ -218,7 +220,7 @@ def test_at_a_slight_parallax_only_where_it_matters_an_outline_is_not_judged(
 
 def test_parallax_is_how_far_a_layer_lies_from_its_place_on_the_ground(boxed):
     layer = layer_of(boxed, Place(DEPTH, (1.5, -0.5)))
-    (front,) = Fronts(boxed.frame.path).of([layer])
+    (front,) = Fronts(boxed.frame.path, ONE).of([layer])
     x, y = displacement(boxed, layer.blob, DEPTH)
     assert front.parallax == pytest.approx(np.hypot(x + 1.5, y - 0.5), abs=0.5)
 
