@@ -47,16 +47,23 @@ def candidates(evidence: np.ndarray, config: ChangeConfig) -> np.ndarray:
     """
     scale = np.sqrt(evidence.size / BASE_PIXELS)
     size = 2 * max(1, round(CLOSE_RADIUS * scale)) + 1
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    mask, box = _grown(evidence, config)
-    part = mask[box]  # nothing grows beyond it
+    grown, box = _grown(evidence, config)
+    mask, part = np.zeros_like(grown), grown[box]
     if part.size:
-        # a frame of background, else closing glues regions to the image's border
-        wide = cv2.copyMakeBorder(part, *[size] * 4, cv2.BORDER_CONSTANT, value=0)
-        closed = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, disc)[size:-size, size:-size]
-        opened = cv2.morphologyEx(filled(closed), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-        mask[box] = without_pieces(opened, config.min_area * mask.size)
-    return mask
+        # most of a frame is empty: what lies too far apart for one outline is closed by itself
+        near = cv2.dilate(part, np.ones((size + 2, size + 2), np.uint8))
+        for group in blobs(near):
+            mask[box][group.box] |= _closed(part[group.box] * group.mask, size)
+    return without_small(mask, config)
+
+
+def _closed(mask: np.ndarray, size: int) -> np.ndarray:
+    """Close gaps of nearly `size` px in outlines of a mask (M, N) uint8 0/1, and fill them."""
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    # a frame of background, else closing glues regions to the image's border
+    wide = cv2.copyMakeBorder(mask, *[size] * 4, cv2.BORDER_CONSTANT, value=0)
+    closed = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, disc)[size:-size, size:-size]
+    return cv2.morphologyEx(filled(closed), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
 
 
 def outline_level(config: ChangeConfig) -> float:
