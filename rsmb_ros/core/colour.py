@@ -22,11 +22,6 @@ CLEAR = 6.0  # levels of tint; less is no other colour
 CLEARLY = 2.5  # times what most of the frame is off
 
 
-def tints(image: np.ndarray) -> np.ndarray:
-    """Tints C_r, C_b (M, N, 2) float32 of a BGR image (M, N, 3) uint8, 128 = grey."""
-    return cv2.cvtColor(image, cv2.COLOR_BGR2YCrCb)[..., 1:].astype(np.float32)
-
-
 def _half(image: np.ndarray) -> Sequence[np.ndarray]:
     """Tints C_r, C_b of a BGR image (M, N, 3) uint8 at half its size, (M // 2, N // 2) uint8."""
     rows, cols = image.shape[:2]
@@ -92,5 +87,8 @@ def _over(window: int, squares: np.ndarray, shape: tuple[int, ...]) -> np.ndarra
 
 def tint_off(live: np.ndarray, predicted: np.ndarray, mask: np.ndarray) -> float:
     """Return by how many levels most of a mask (M, N) bool has another tint than predicted."""
-    off = np.abs(cv2.blur(tints(live) - tints(predicted), (WINDOW, WINDOW))).max(axis=-1)
-    return float(np.median(off[mask])) if mask.any() else 0.0
+    if not mask.any():
+        return 0.0
+    known, seen = (cv2.cvtColor(image, cv2.COLOR_BGR2YCrCb) for image in (predicted, live))
+    off = cv2.blur(cv2.subtract(seen, known, dtype=cv2.CV_32F), (WINDOW, WINDOW))
+    return float(np.median(np.abs(off[mask][:, 1:]).max(axis=-1)))
