@@ -103,26 +103,26 @@ class ChangeFinder:
 
     def find(self, stage: PathStage | RowStage, frame: RegisteredFrame, clock: Clock) -> Finding:
         """Return what is in a frame; its path may be fitted again by its `stage`."""
-        finding = self._settled(stage, frame, clock)
+        refused = Refused()
+        finding = self._settled(stage, frame, clock, refused)
         if finding.doubtful.any():
             with clock.step('other way'):
                 # perhaps what fits in these rows is not the ground
                 ground = finding.doubtful[:, None] & (finding.seen.mask == 0)
                 other = stage.refined(finding.frame, ground)
             if other is not finding.frame:
-                rival = self._settled(stage, other, clock)
+                rival = self._settled(stage, other, clock, refused)
                 finding = min(finding, rival, key=lambda one: one.not_ground)
         return finding
 
     def _settled(
-        self, stage: PathStage | RowStage, frame: RegisteredFrame, clock: Clock
+        self, stage: PathStage | RowStage, frame: RegisteredFrame, clock: Clock, refused: Refused
     ) -> Finding:
         """Find static objects and fit again without them until the path stands."""
         with clock.step('change'):
             seen = self._evidence(frame)
         layers: list[Layer] = []
         known: list[Layer] = []  # at the last search
-        refused = Refused()
         if self._config.layers.enabled and seen.mask.any():
             with clock.step('layers'):
                 layers = self._layers(frame, seen, refused)
