@@ -9,7 +9,15 @@ import pytest
 from rsmb_ros.core.change_finder import Seen
 from rsmb_ros.core.config import ChangeConfig
 from rsmb_ros.core.evidence import MAX_Z2, evidence
-from rsmb_ros.core.segmentation import blobs, candidates, outline_level, tightened
+from rsmb_ros.core.segmentation import (
+    blobs,
+    candidates,
+    filled,
+    hysteresis,
+    outline_level,
+    tightened,
+    without_small,
+)
 
 CONFIG = ChangeConfig()
 LEVEL = outline_level(CONFIG)
@@ -89,3 +97,36 @@ def test_an_object_at_the_border_keeps_its_edge_there():
     mask[:40, :50] = 1
     sharp = np.where(mask > 0, np.float32(9.0), np.float32(1.0))
     np.testing.assert_array_equal(tightened(mask, sharp, LEVEL), mask)
+
+
+@pytest.mark.parametrize('share', [0.02, 0.1, 0.3, 0.6])
+def test_blobs_are_the_connected_regions_in_order(share):
+    """Regions in holes of others, at the edges of the image, of one pixel."""
+    rng = np.random.default_rng(round(100 * share))
+    for size in rng.integers(1, 50, (20, 2)):
+        mask = (rng.random(size) < share).astype(np.uint8)
+        count, labels = cv2.connectedComponents(mask, connectivity=8)
+        found = blobs(mask)
+        assert len(found) == count - 1
+        for n, blob in enumerate(found, start=1):
+            own = np.zeros(mask.shape, bool)
+            own[blob.box] = blob.mask
+            np.testing.assert_array_equal(own, labels == n)
+            edges = (blob.mask[0], blob.mask[-1], blob.mask[:, 0], blob.mask[:, -1])
+            assert all(edge.any() for edge in edges), 'the box is as small as it can be'
+
+
+def test_outlines_are_closed_as_if_all_were_closed_at_once():
+    rng = np.random.default_rng(8)
+    noise = cv2.GaussianBlur(rng.normal(0, 1, SHAPE).astype(np.float32), (0, 0), 3.0)
+    evidence = np.abs(noise) / noise.std()
+    cv2.circle(evidence, (100, 120), 50, 6.0, 2)  # holds others
+    cv2.circle(evidence, (0, 300), 40, 6.0, 3)
+    grown = hysteresis(evidence, CONFIG)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (11, 11))
+    wide = cv2.copyMakeBorder(grown, *[20] * 4, cv2.BORDER_CONSTANT, value=0)
+    closed = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, disc)[20:-20, 20:-20]
+    opened = cv2.morphologyEx(filled(closed), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    expected = without_small(opened, CONFIG)
+    assert len(blobs(expected)) > 5
+    np.testing.assert_array_equal(candidates(evidence, CONFIG), expected)
