@@ -158,14 +158,14 @@ def blobs(mask: np.ndarray) -> list[Blob]:
     # boxes by outlines: OpenCV's own statistics of the regions take longer than all of this
     _, labels = cv2.connectedComponents(part, connectivity=8)
     outlines, nesting = cv2.findContours(part, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
-    found: dict[int, Blob] = {}
+    found = []
     for outline, (*_, parent) in zip(outlines, nesting[0], strict=True):
         if parent < 0:  # else it is a hole
             x, y, width, height = cv2.boundingRect(outline)
-            n = int(labels[tuple(outline[0, 0, ::-1])])
-            own = labels[y : y + height, x : x + width] == n
-            found[n] = Blob(own, left + x, top + y)
-    return [found[n] for n in sorted(found)]
+            own = labels[tuple(outline[0, 0, ::-1])]
+            inside = labels[y : y + height, x : x + width] == own
+            found.append(Blob(inside, left + x, top + y))
+    return sorted(found, key=lambda blob: (blob.y, blob.x))
 
 
 def drawn(found: list[Blob], shape: tuple[int, ...]) -> np.ndarray:
