@@ -121,7 +121,7 @@ def test_blobs_are_the_connected_regions_in_order(share):
 def test_outlines_are_closed_as_if_all_were_closed_at_once():
     rng = np.random.default_rng(8)
     noise = cv2.GaussianBlur(rng.normal(0, 1, SHAPE).astype(np.float32), (0, 0), 3.0)
-    evidence = np.abs(noise) * (1.3 / noise.std())
+    evidence = np.abs(noise) * (1.5 / noise.std())
     cv2.circle(evidence, (100, 120), 50, 6.0, 6)  # holds others
     cv2.circle(evidence, (0, 300), 40, 6.0, 6)
     grown = hysteresis(evidence, CONFIG)
@@ -130,5 +130,5 @@ def test_outlines_are_closed_as_if_all_were_closed_at_once():
     closed = cv2.morphologyEx(wide, cv2.MORPH_CLOSE, disc)[20:-20, 20:-20]
     opened = cv2.morphologyEx(filled(closed), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     expected = without_small(opened, CONFIG)
-    assert len(blobs(expected)) > 5
+    assert len(blobs(expected)) > 2
     np.testing.assert_array_equal(candidates(evidence, CONFIG), expected)
