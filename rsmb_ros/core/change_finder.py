@@ -120,6 +120,7 @@ class ChangeFinder:
     ) -> Finding:
         """Find static objects and fit again without them until the path stands."""
         with clock.step('change'):
+            self._match_tones(frame)
             seen = self._evidence(frame)
         layers: list[Layer] = []
         known: list[Layer] = []  # at the last search
@@ -133,6 +134,7 @@ class ChangeFinder:
             # what is known not to be ground must not have bent the path
             with clock.step('refine'):
                 before, frame = frame, stage.refined(frame, foreground)
+                self._match_tones(frame)
                 still = moved_px(before.path, frame.path) < STILL
                 if still:
                     frame.put_in_front(layers)
@@ -175,6 +177,10 @@ class ChangeFinder:
         if mask.any() or seen.mask.mean() > LARGE_MISFIT:
             mask |= seen.mask > 0
         return mask
+
+    def _match_tones(self, frame: RegisteredFrame) -> None:
+        if self._config.photometric.tones:
+            frame.match_tones()
 
     def _evidence(self, frame: RegisteredFrame) -> Seen:
         place = np.nan_to_num(frame.row_uncertainty, posinf=LOST).astype(np.float32)

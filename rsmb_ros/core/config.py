@@ -149,6 +149,7 @@ class PhotometricConfig:
     """Difference of light between reference and live frame."""
 
     vignetting: bool = _switch(True, 'fit the gain as a polynomial over the frame, not one number')
+    tones: bool = _switch(True, "match another camera's tone curve, contrast and white balance")
 
 
 @dataclass(frozen=True)

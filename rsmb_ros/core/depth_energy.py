@@ -15,6 +15,7 @@ from .evidence import NoiseTable, Texture
 from .motion import CameraPath
 from .photometric import Light, to_display
 from .render import Shown, Window
+from .tone_match import ToneMatch
 
 FINE_STEPS = (0.025, 0.0125, 0.006, 0.003, 0.0015)
 MAX_Z2 = 16.0  # truncation of the energy that depths are compared by
@@ -95,6 +96,13 @@ class Sight:
     path: CameraPath
     light: Light
     gamma: float
+    tones: ToneMatch | None = None
+
+    @property
+    def curve(self) -> np.ndarray:
+        """Grey levels over the root of light's share of 255, evenly spaced 0..1, float32."""
+        curve = _display_curve(self.gamma)
+        return curve if self.tones is None else self.tones.of_grey(curve)
 
     @cached_property
     def first_time(self) -> float:
@@ -143,7 +151,7 @@ class PathEnergy(DepthEnergy):
             (path.row_times[rows] - sight.first_time) / POSE_SPACING,
             path.exposure_rows / POSE_SPACING, sight.instants[rows], sight.poses, path.grid.center,
             sight.light.gain.astype(np.float32), np.float32(sight.light.bias),
-            _display_curve(sight.gamma), MAX_Z2, found,
+            sight.curve, MAX_Z2, found,
         )  # fmt: skip
         return BestDepth(*(float(value) for value in found))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -18,6 +18,7 @@ from .path_fit import PathFit, row_uncertainty
 from .reference import Reference, at_limit
 from .render import Shown, Window, blurred, rectified, shown
 from .sampling import defocused
+from .tone_match import ToneMatch, tone_match
 from .workers import each, shared
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
@@ -50,9 +51,13 @@ class RegisteredFrame(ABC):
         self._executor = executor
         self._fronts: list[Front] = []  # farthest first
         self._in_front: dict[Front, Shown] = {}
-        self.predicted, self._colours, self.complete = self.predict()
-        self.residual = grey - self.predicted
-        self.misfit = np.ones(grey.shape, np.float32)
+        self._compare(self.predict())
+
+    def _compare(self, shown: Shown) -> None:
+        """Compare the live frame with what the reference shows."""
+        self.predicted, self._colours, self.complete = shown
+        self.residual = self.grey - self.predicted
+        self.misfit = np.ones(self.grey.shape, np.float32)
         edge = cv2.copyMakeBorder(self.complete.astype(np.uint8), *[1] * 4, cv2.BORDER_CONSTANT)
         inner = cv2.erode(edge, np.ones((BORDER, BORDER), np.uint8))[1:-1, 1:-1] > 0
         self.judged = inner & ~self._clipped()
@@ -95,6 +100,9 @@ class RegisteredFrame(ABC):
     def predict(self) -> Shown:
         """Show the whole live frame as the reference knows it."""
         return self.render(1.0, Window(0, self.grey.shape[0], 0, self.grey.shape[1]))
+
+    def match_tones(self) -> None:  # noqa: B027 - a method may know no tones
+        """Show the reference in the tones of the live frame, before anything is put in front."""
 
     @property
     def colours(self) -> np.ndarray | None:
@@ -201,6 +209,8 @@ class PathFrame(RegisteredFrame):
         executor: Executor,
     ) -> None:
         self.fit = fit
+        self._light = fit.light  # less what `_tones` says of it
+        self._tones: ToneMatch | None = None
         super().__init__(reference, live, grey, executor)
 
     @property
@@ -252,11 +262,30 @@ class PathFrame(RegisteredFrame):
         shared(self._executor, run, len(fine), fine.size)
         return out
 
+    def match_tones(self) -> None:
+        """Show the reference in the tones of the live frame, where they are others."""
+        predicted = Shown(self.predicted, self._colours, self.complete)
+        if tone_match(predicted, self.live, self.grey) is None:
+            return
+        # a bias below 0 makes all dark tones one: the curve takes its part
+        self._light = replace(self.fit.light, bias=0.0)
+        unbiased = self.predict()
+        self._tones = tone_match(unbiased, self.live, self.grey)
+        if self._tones is None:
+            self._light = self.fit.light
+        else:
+            self._compare(self._tones.of(unbiased))
+
+    def _in_tones(self, image: Shown) -> Shown:
+        return image if self._tones is None else self._tones.of(image)
+
     def render(self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT) -> Shown:
-        """Show a layer in the light of the live frame."""
+        """Show a layer in the light and tones of the live frame."""
         path = shifted(self.fit.path, depth, shift)
-        gamma, light = self._reference.gamma, self.fit.light
-        return shown(self._fine_colours, path, light, gamma, self._executor, depth, window)
+        gamma = self._reference.gamma
+        return self._in_tones(
+            shown(self._fine_colours, path, self._light, gamma, self._executor, depth, window)
+        )
 
     def light_seen(self, fine: np.ndarray) -> np.ndarray:
         """Return what of a reference's light (2M, 2N), half pixels, falls on each pixel (M, N)."""
@@ -264,7 +293,7 @@ class PathFrame(RegisteredFrame):
 
     def energy(self, noise: NoiseTable) -> DepthEnergy:
         """Return what compares depths at which objects of this frame may lie, in grey."""
-        sight = Sight(self._fine, self.path, self.fit.light, self._reference.gamma)
+        sight = Sight(self._fine, self.path, self._light, self._reference.gamma, self._tones)
         return PathEnergy(self.grey, noise, sight)
 
     def registered(self) -> np.ndarray:

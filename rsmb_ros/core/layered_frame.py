@@ -34,7 +34,8 @@ class LayeredFrame(PathFrame):
         seen = self._scene.render(self._fine)
         self._known = seen.known
         complete = (seen.sure > KNOWN) & ~self._scene.unknown()
-        return Shown(self.fit.light.apply(seen.image, self._reference.gamma), None, complete)
+        image = self._light.apply(seen.image, self._reference.gamma)
+        return self._in_tones(Shown(image, None, complete))
 
     def light_seen(self, fine: np.ndarray) -> np.ndarray:
         """Return what of a reference's light (2M, 2N), half pixels, falls on each pixel (M, N)."""
@@ -60,7 +61,9 @@ class LayeredFrame(PathFrame):
             return np.rint(self.predicted * shown).astype(np.uint8)
         fine = self._fine_colours
         planes = [self._scene.render(colour_of(fine, c)).image for c in range(fine.shape[-1])]
-        image = self.fit.light.apply(np.stack(planes, axis=-1), self._reference.gamma)
+        image = self._light.apply(np.stack(planes, axis=-1), self._reference.gamma)
+        if self._tones is not None:
+            image = self._tones.of_grey(image)
         return np.rint(image * shown[..., None]).astype(np.uint8)
 
 
