@@ -23,7 +23,8 @@ from .workspace import Workspace
 
 CHUNKS = 8  # blocks of rows, summed in this order whatever the number of threads
 ALONE = 16_000  # points times instants, below which a second thread takes longer to wake
-POINT_STEP = 1.0  # px of the level between instants of the exposure
+# px of the level between instants of the exposure, full size and smaller ones: those only start it
+POINT_STEPS = (1.0, 1.5)
 NO_RESIDUAL = 1e8  # residuals above this mark points without reference
 OUTLIER = 30.0  # grey levels; residuals beyond count as that when fits are compared
 BINS_PER_LEVEL = 16.0  # of the histogram that residuals' median is read from
@@ -114,8 +115,9 @@ class NormalEquations:
         self._dof = config.registration.degrees_of_freedom
         self._knots = len(path.control)
         self._start_defocus, self._fine = level.defocused(fit.defocus)
-        self._at_full_size = np.clip((points.rows + 0.5) * level.factor - 0.5, 0, None)
-        self._times = np.interp(self._at_full_size, np.arange(len(path.row_times)), path.row_times)
+        last = grid.live_shape[0] - 1
+        self._at_full_size = np.clip((points.rows + 0.5) * level.factor - 0.5, 0, last)
+        self._times = last - self._at_full_size if path.bottom_up else self._at_full_size
         self._places = points.from_center(level.factor, grid)
         rows, count = points.columns.shape
         self._bounds = np.arange(CHUNKS + 1) * rows // CHUNKS
@@ -146,9 +148,8 @@ class NormalEquations:
         `misplaced` [px] is how far an edge may be off, `tukey` chooses the loss (else Huber).
         """
         path = fit.path
-        samples = path.samples_per_row(POINT_STEP * self._level.factor)
-        at = np.minimum(self._at_full_size.astype(np.int64), len(samples) - 1)
-        self._samples = samples[at]
+        samples = path.samples_per_row(point_step(self._level.number))
+        self._samples = samples[self._at_full_size.astype(np.int64)]
         work = int(self._samples.sum()) * self._places.shape[1]
         self._parts = 1 if work < ALONE else min(self._threads, CHUNKS)
         self._over_rows(linearise, fit, misplaced, tukey)
@@ -204,6 +205,11 @@ class NormalEquations:
         kernel(*own, *data)
         for other in others:
             other.result()
+
+
+def point_step(n: int) -> float:
+    """Return how far a point moves between two instants at pyramid level `n` [px]."""
+    return POINT_STEPS[min(n, len(POINT_STEPS) - 1)] * 2.0**n
 
 
 @cache
