@@ -30,7 +30,7 @@ from .workspace import Workspaces
 
 COARSEST_WIDTH = 160  # px; the pyramid ends there
 COLD_EXPOSURES = (3.0, 12.0, 36.0, 90.0, 200.0)  # rows, tried when nothing is known
-TRIAL = 3  # iterations each of them gets at half size
+TRIAL = 4  # iterations each of them gets at half size
 TRIAL_ROWS = 60  # of points, that are enough to tell exposures apart
 FINALISTS = 2  # of them that are fitted until they stand
 LITTLE = 0.1  # share of LITTLE_ROWS rows, under which foreground has bent the path by little
