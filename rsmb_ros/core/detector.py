@@ -17,7 +17,7 @@ from .camera import Camera
 from .change_finder import ChangeFinder
 from .checks import checked_image, checked_layers
 from .clock import Clock
-from .coarse import CoarseSearch
+from .coarse import CoarseSearch, sub_pixel_peak
 from .config import Config
 from .features import FeatureSearch
 from .frame import BlankViews, PathFrame, RegisteredFrame
@@ -328,6 +328,8 @@ def warm_up(config: Config = Config(), depth: bool = False) -> None:
     detector = Detector(reference, config=config, depth=layers if depth else None)
     result = detector.detect(np.roll(reference, 3, axis=1))
     result.rectified  # noqa: B018 - computed on first use
+    luma(np.dstack([reference] * 3))  # nothing here has colours ...
+    sub_pixel_peak(np.zeros((3, 3), np.float32))  # ... or loose ends
     if isinstance(result.views, RegisteredFrame):
         mask = np.ones((8, 8), bool)  # nothing here is at another depth by itself
         result.views.foreground([Layer(Blob(mask, 60, 60), mask, Place(0.8), 1.0)])
