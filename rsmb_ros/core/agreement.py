@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
+from functools import partial
+
 import cv2
 import numpy as np
 
+from ._kernels.pixels import block_moments
 from .evidence import ENOUGH, gradient_energy
+from .workers import beside
 
 BLOCKS_ACROSS = 20  # blocks over the image's width
 MIN_CONTRAST = 3.0  # grey levels of a block that is asked
@@ -26,17 +31,11 @@ def agreement(
     blocks have texture.
     """
     size = block_size(predicted.shape[1], across)
-    grid = (predicted.shape[1] // size, predicted.shape[0] // size)
-    whole = np.s_[: grid[1] * size, : grid[0] * size]
-
-    def block_mean(image: np.ndarray) -> np.ndarray:
-        return cv2.resize(image[whole], grid, interpolation=cv2.INTER_AREA)
-
-    full = block_mean(complete.astype(np.float32)) > 0.999
-    mean_p, mean_l = block_mean(predicted), block_mean(live)
-    var_p = block_mean(predicted * predicted) - mean_p**2
-    var_l = block_mean(live * live) - mean_l**2
-    both = block_mean(predicted * live) - mean_p * mean_l
+    means = np.empty((predicted.shape[0] // size, predicted.shape[1] // size, 6))
+    block_moments(predicted, live, complete, size, means)
+    mean_p, mean_l, square_p, square_l, product, known = np.moveaxis(means, -1, 0)
+    full = known > 0.999
+    var_p, var_l, both = square_p - mean_p**2, square_l - mean_l**2, product - mean_p * mean_l
     asked = full & (np.maximum(var_p, var_l) > MIN_CONTRAST**2)
     if np.count_nonzero(asked) < MIN_BLOCKS:
         return None
@@ -49,24 +48,27 @@ def block_size(columns: int, across: int = BLOCKS_ACROSS) -> int:
     return max(8, columns // across)
 
 
-def sharpness(predicted: np.ndarray, live: np.ndarray, judged: np.ndarray) -> float:
+def sharpness(
+    predicted: np.ndarray, live: np.ndarray, judged: np.ndarray, executor: Executor
+) -> float:
     """
     Sharpness of a predicted image relative to the live one, about 1 where they fit.
 
     A wrong path with a long exposure smears the reference until little contradicts the live frame:
     its agreement is high, its sharpness is not. Images are (M, N) float32, `judged` (M, N) bool;
-    they are compared at half size, where noise is no texture.
+    they are compared at half size, where noise is no texture. Each is looked at by a thread.
     """
     half = (predicted.shape[1] // 2, predicted.shape[0] // 2)
     whole = np.s_[: 2 * half[1], : 2 * half[0]]
     chosen = judged[whole][ENOUGH]
-    found, seen = (
-        _largest(
-            gradient_energy(cv2.resize(image[whole], half, interpolation=cv2.INTER_AREA))[chosen]
-        )
-        for image in (predicted, live)
-    )
-    return float(np.sqrt(found / max(seen, 1e-6)))
+
+    def sharp_parts(image: np.ndarray) -> float:
+        smaller = cv2.resize(image[whole], half, interpolation=cv2.INTER_AREA)
+        return _largest(gradient_energy(smaller)[chosen])
+
+    waited = beside(executor, partial(sharp_parts, predicted))
+    seen = sharp_parts(live)
+    return float(np.sqrt(waited() / max(seen, 1e-6)))
 
 
 def _largest(values: np.ndarray) -> float:

@@ -12,7 +12,12 @@ MIN_SIZE = 32  # px, smaller frames hold nothing to register by
 
 
 def checked_image(image: np.ndarray, name: str) -> np.ndarray:
-    """Return an image that can be worked on; raises FrameError if it is none."""
+    """
+    Return an image that can be worked on; raises FrameError if it is none.
+
+    A copy where rows do not follow each other or nothing may be written: kernels are compiled for
+    those that may.
+    """
     ok = isinstance(image, np.ndarray) and image.dtype == np.uint8
     if not ok or image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)):
         known = isinstance(image, np.ndarray)
@@ -23,7 +28,7 @@ def checked_image(image: np.ndarray, name: str) -> np.ndarray:
             f'{name} is {image.shape[0]}x{image.shape[1]} px, '
             f'must be at least {MIN_SIZE}x{MIN_SIZE}'
         )
-    return image
+    return np.require(image, requirements=['C', 'W'])
 
 
 def checked_layers(depth: np.ndarray, reference: np.ndarray, config: Config) -> DepthMap:

@@ -2,21 +2,20 @@
 Coarse start: where in the reference the live frame lies, and how it wobbles.
 
 Patches of the live image vote for one global offset (summed normalised correlations), then strips
-of rows are matched around it and a smooth camera path is laid through their displacements.
+of rows are matched around it; `start` lays a smooth camera path through their displacements.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from functools import cache
 from typing import TypeAlias
 
 import cv2
 import numpy as np
 
-from .motion import CameraPath, Grid, still_path
+from ._kernels.match import ROOM, highest, match_band
+from .motion import Grid
+from .start import StripMatches
 from .workers import each
 
 SEARCH_WIDTH = 160  # px; both images are reduced to about this width of the live frame
@@ -28,22 +27,9 @@ EDGE = 3  # px of room that a piece needs to the reference's edge
 SAME_PLACE = 2.0  # px at search width that a band may lie off the place it was matched around
 MIN_CONTRAST = 2.0  # grey levels; flatter patches say nothing
 MIN_PEAK = 0.4  # normalised correlation of a strip that counts
-SPLINE_SAMPLES = 8  # instants per exposure in the start's design matrix
 
 
 _Corner: TypeAlias = 'tuple[int, int] | np.ndarray'  # row, column
-_Piece = tuple[float, ...]  # X, Y, shift x, y, weight x, y of one matched piece (reduced px)
-
-
-@dataclass(frozen=True)
-class StripMatches:
-    """Displacements of n pieces of rows, in full-size pixels from the image centres."""
-
-    place: np.ndarray  # (n, 2) centre X, Y of the piece in the live image [px from the centre]
-    shift: np.ndarray  # (n, 2) reference place - live place [px]
-    weight: np.ndarray  # (n, 2) trust in the two components, >= 0
-    offset: np.ndarray  # (2,) global vote: where the live centre lies [px from the ref. centre]
-    peak: float  # mean correlation of the vote's patches, 0..1; NaN without a vote
 
 
 class CoarseSearch:
@@ -57,6 +43,8 @@ class CoarseSearch:
         self._factor = max(1, round(grid.live_shape[1] / SEARCH_WIDTH))
         self._reference = _reduced(reference, self._factor)
         self._textured = _local_contrast(self._reference)
+        self._flat = np.append(self._reference, np.zeros(ROOM, np.float32))
+        self._sums = cv2.integral2(self._reference, sdepth=cv2.CV_64F)
         self._fraction = search_fraction
 
     def match(self, live: np.ndarray, near: np.ndarray | None = None) -> StripMatches:
@@ -71,40 +59,36 @@ class CoarseSearch:
             corner, peak = self._vote(small)
         else:
             corner, peak = near / self._factor - self._shift_of(small.shape, np.zeros(2)), np.nan
-        found = self._tracked(small, corner)
-        table = np.array(found) if found else np.zeros((0, 6))
+        table = self._tracked(small, corner)
         table[:, :4] *= self._factor
         offset = self._shift_of(small.shape, corner) * self._factor
         return StripMatches(table[:, :2], table[:, 2:4], table[:, 4:], offset, peak)
 
-    def _tracked(self, small: np.ndarray, corner: np.ndarray) -> list[_Piece]:
+    def _tracked(self, small: np.ndarray, corner: np.ndarray) -> np.ndarray:
         """
         Match bands of rows, each near where its neighbour lies: a frame may bend far.
 
-        Starts at the band that matches best at the voted place and goes both ways.
+        Starts at the band that matches best at the voted place and goes both ways. Returns X, Y,
+        shift x, y and trust x, y of the n pieces that match, (n, 6) [reduced px].
         """
         height = max(8, small.shape[0] // STRIPS)
         tops = range(0, small.shape[0] - height + 1, height)
-        at_vote = each(
-            self._executor, lambda top: list(self._band(small, top, height, corner)), tops
-        )
-        trust = [sum(min(piece[4], piece[5]) for piece in band) for band in at_vote]
-        anchor = int(np.argmax(trust))
+        at_vote = each(self._executor, lambda top: self._band(small, top, height, corner), tops)
+        anchor = int(np.argmax([band[:, 4:].min(axis=1).sum() for band in at_vote]))
         bands = {anchor: at_vote[anchor]}
         for order in (range(anchor + 1, len(tops)), range(anchor - 1, -1, -1)):
             place = self._moved(small.shape, bands[anchor], corner)
             for n in order:
                 near = np.abs(place - corner).max() <= SAME_PLACE
-                bands[n] = at_vote[n] if near else list(self._band(small, tops[n], height, place))
+                bands[n] = at_vote[n] if near else self._band(small, tops[n], height, place)
                 place = self._moved(small.shape, bands[n], place)
-        return [piece for n in sorted(bands) for piece in bands[n]]
+        return np.concatenate([bands[n] for n in sorted(bands)])
 
-    def _moved(self, shape: tuple[int, int], band: list[_Piece], corner: np.ndarray) -> np.ndarray:
+    def _moved(self, shape: tuple[int, int], band: np.ndarray, corner: np.ndarray) -> np.ndarray:
         """Return the live corner's place by the matches of one band, `corner` without any."""
-        if not band:
+        if not len(band):
             return corner
-        best = max(band, key=lambda piece: min(piece[4], piece[5]))
-        return np.array(best[2:4]) - self._shift_of(shape, corner * 0.0)
+        return band[band[:, 4:].min(axis=1).argmax(), 2:4] - self._shift_of(shape, np.zeros(2))
 
     def _shift_of(self, shape: tuple[int, int], corner: np.ndarray) -> np.ndarray:
         """Displacement of the centre when the live corner lies at `corner` x, y (reduced px)."""
@@ -164,105 +148,21 @@ class CoarseSearch:
         ]
         return np.fmin(np.fmax(scores, 0.0), 1.0) * textured  # 0 where OpenCV has no number
 
-    def _band(
-        self, small: np.ndarray, top: int, height: int, corner: np.ndarray
-    ) -> Iterator[_Piece]:
-        """Match the pieces of one band of rows around the live corner's place (reduced px)."""
+    def _band(self, small: np.ndarray, top: int, height: int, corner: np.ndarray) -> np.ndarray:
+        """Match the pieces of one band of rows around the live corner's place, see `_tracked`."""
         cols = small.shape[1]
-        width = cols // PARTS
         reach = max(6, round(0.06 * cols))
-        at = np.round(corner).astype(int)
-        ref_rows, ref_cols = self._reference.shape
-        base = self._shift_of(small.shape, corner * 0.0)
-        for left in range(0, cols - width + 1, width):
-            # the part of the piece that the reference can show within reach
-            r0, r1 = max(top, EDGE - at[1]), min(top + height, ref_rows - at[1] - EDGE)
-            c0, c1 = max(left, EDGE - at[0]), min(left + width, ref_cols - at[0] - EDGE)
-            if r1 - r0 < 5 or c1 - c0 < 12:
-                continue
-            piece = small[r0:r1, c0:c1]
-            if piece.std() < MIN_CONTRAST:
-                continue
-            begin = (max(0, r0 + at[1] - reach), max(0, c0 + at[0] - reach))
-            end = (min(ref_rows, r1 + at[1] + reach), min(ref_cols, c1 + at[0] + reach))
-            scores = self._correlate(piece, begin, end)
-            found = sub_pixel_peak(scores)
-            if found is None:
-                continue
-            dx, dy, peak, sharp_x, sharp_y = found
-            place = ((c0 + c1 - cols) / 2.0, (r0 + r1 - small.shape[0]) / 2.0)
-            shift = (begin[1] + dx - c0 + base[0], begin[0] + dy - r0 + base[1])
-            trust = peak - MIN_PEAK + 0.05
-            yield *place, *shift, min(1.0, 5 * sharp_x) * trust, min(1.0, 5 * sharp_y) * trust
-
-
-def start_path(
-    matches: StripMatches,
-    grid: Grid,
-    knot_rows: float,
-    exposure_rows: float,
-    longest_exposure: float,
-    bottom_up: bool,
-) -> CameraPath:
-    """
-    Lay a smooth path (offset, rotation, zoom) through the matches by robust least squares.
-
-    With fewer than six matches the path is the global offset alone.
-    """
-    path = still_path(grid, knot_rows, exposure_rows, longest_exposure, bottom_up)
-    knots = len(path.control)
-    path.control[:, :2] = matches.offset
-    if len(matches.place) < 6:
-        return path
-    row = np.clip(matches.place[:, 1] + grid.center[1], 0, grid.live_shape[0] - 1)
-    times = np.interp(row, np.arange(grid.live_shape[0]), path.row_times)
-    spline = _mean_basis(path, times)
-    x, y = matches.place.T[:, :, None] / grid.half_width
-    none = np.zeros_like(spline)
-    design = np.concatenate(
-        [
-            np.hstack([spline, none, -y * spline, x * spline]),
-            np.hstack([none, spline, x * spline, y * spline]),
-        ]
-    )
-    target = matches.shift.T.ravel()
-    weight = matches.weight.T.ravel()
-    prior = _start_prior(knots)
-    trust = weight
-    for _ in range(6):
-        normal = design.T @ (trust[:, None] * design) + prior
-        solution = np.linalg.solve(normal, design.T @ (trust * target))
-        misfit = np.hypot(*(target - design @ solution).reshape(2, -1))
-        sigma = max(1.0, 1.4826 * float(np.median(misfit)))
-        trust = weight * np.tile(1.0 / (1.0 + (misfit / (2 * sigma)) ** 2) ** 2, 2)
-    path.control[:, :2] = solution.reshape(4, knots)[:2].T
-    # the design is linear in s sin(r) and s cos(r) - 1
-    turned, grown = solution.reshape(4, knots)[2:] / grid.half_width
-    path.control[:, 2] = grid.half_width * np.arctan2(turned, 1.0 + grown)
-    path.control[:, 3] = grid.half_width * (np.hypot(turned, 1.0 + grown) - 1.0)
-    return path
-
-
-@cache
-def _start_prior(knots: int) -> np.ndarray:
-    """Smoothness of the start: offsets may bend, rotation and zoom hardly change in a frame."""
-    first, second = (np.diff(np.eye(knots), n, axis=0) for n in (1, 2))
-    slope, bend = first.T @ first, second.T @ second
-    prior = np.zeros((4 * knots, 4 * knots))
-    for n, (bend_weight, slope_weight, ridge) in enumerate(
-        [(0.005, 0.01, 1e-9), (0.005, 0.01, 1e-9), (0.2, 2.0, 1e-3), (0.2, 4.0, 1e-2)]
-    ):
-        block = np.s_[n * knots : (n + 1) * knots]
-        prior[block, block] = bend_weight * bend + slope_weight * slope + ridge * np.eye(knots)
-    return prior
-
-
-def _mean_basis(path: CameraPath, times: np.ndarray) -> np.ndarray:
-    """Spline weights of each knot, averaged over the exposure around `times` (n, knots)."""
-    shares = (np.arange(SPLINE_SAMPLES) + 0.5) / SPLINE_SAMPLES - 0.5
-    instants = times[:, None] + shares * path.exposure_rows
-    weights = path.spline_basis(instants.ravel())
-    return weights.reshape(len(times), SPLINE_SAMPLES, -1).mean(axis=1)
+        x, y = np.round(corner).astype(int)
+        found = np.empty((cols // (cols // PARTS), 7))
+        count = match_band(
+            small, top, height, x, y, self._flat, *self._sums, self._textured,
+            cols // PARTS, reach, EDGE, MIN_CONTRAST, MIN_PEAK, found,
+        )  # fmt: skip
+        table = found[:count, :6]
+        table[:, 2:4] += self._shift_of(small.shape, np.zeros(2))
+        trust = found[:count, 4:5] - MIN_PEAK + 0.05
+        table[:, 4:] = np.minimum(1.0, 5 * found[:count, 5:]) * trust
+        return table
 
 
 def _reduced(image: np.ndarray, factor: int) -> np.ndarray:
@@ -293,17 +193,5 @@ def _add_at(votes: np.ndarray, counts: np.ndarray, scores: np.ndarray, at: np.nd
 
 def sub_pixel_peak(scores: np.ndarray) -> tuple[float, ...] | None:
     """Place x, y, height and sharpness x, y of the highest correlation; None when too low."""
-    row, col = np.unravel_index(int(scores.argmax()), scores.shape)
-    peak = float(scores[row, col])
-    inner = 0 < row < scores.shape[0] - 1 and 0 < col < scores.shape[1] - 1
-    if peak < MIN_PEAK or not inner:
-        return None
-    place = [float(col), float(row)]
-    sharp = []
-    for axis, (a, c) in enumerate(
-        [(scores[row, col - 1], scores[row, col + 1]), (scores[row - 1, col], scores[row + 1, col])]
-    ):
-        bend = float(2 * peak - a - c)
-        place[axis] += float(c - a) / (2 * bend) if bend > 1e-6 else 0.0
-        sharp.append(max(0.0, bend))
-    return place[0], place[1], peak, sharp[0], sharp[1]
+    found = np.empty(5)
+    return tuple(found.tolist()) if highest(scores, MIN_PEAK, found) else None

@@ -17,7 +17,7 @@ from .camera import Camera
 from .change_finder import ChangeFinder
 from .checks import checked_image, checked_layers
 from .clock import Clock
-from .coarse import CoarseSearch, StripMatches
+from .coarse import CoarseSearch, sub_pixel_peak
 from .config import Config
 from .features import FeatureSearch
 from .frame import BlankViews, PathFrame, RegisteredFrame
@@ -31,6 +31,7 @@ from .photometric import luma
 from .reference import Reference
 from .row_frame import RowStage
 from .segmentation import Blob
+from .start import StripMatches
 from .stream import StreamMemory
 from .tone import USUAL, ToneSearch, probing
 from .types import NOT_REGISTERED, Result
@@ -164,7 +165,7 @@ class Detector:
         frame: RegisteredFrame | None = self._following(coarse, stage, live, grey, clock)
         if frame is None:
             with clock.step('coarse'):
-                matches = coarse.match(grey)
+                matches = self._matched(coarse, stage, grey)
             with clock.step('registration'):
                 frame = stage.frame(live, grey, matches)
                 problem = self._misfit(frame)
@@ -198,11 +199,24 @@ class Detector:
         place = self._memory.place
         self._memory.lose()  # until this frame is registered
         with clock.step('coarse'):
-            matches = coarse.match(grey, place)
+            matches = self._matched(coarse, stage, grey, place)
         with clock.step('registration'):
             frame = stage.following(live, grey, matches, self._memory)
             good = self._memory.plausible(frame.fit) and not self._misfit(frame)
         return frame if good else None
+
+    def _matched(
+        self,
+        coarse: CoarseSearch,
+        stage: PathStage | RowStage,
+        grey: np.ndarray,
+        near: np.ndarray | None = None,
+    ) -> StripMatches:
+        """Match coarsely, while another thread looks at the frame for the fit."""
+        looked = beside(self._executor, partial(stage.look_at, grey))
+        matches = coarse.match(grey, near)
+        looked()
+        return matches
 
     def _second_start(
         self,
@@ -264,10 +278,8 @@ class Detector:
                 f'no overlap: {overlap:.0%} of the frame lies in the reference, '
                 f'{limits.min_overlap:.0%} needed'
             )
-        compared = partial(sharpness, frame.predicted, frame.grey, frame.judged)
-        waited = beside(self._executor, compared)
         agreed = agreement(frame.predicted, frame.grey, frame.complete)
-        sharp = waited()
+        sharp = sharpness(frame.predicted, frame.grey, frame.judged, self._executor)
         if agreed is None:
             return 'no texture where the live frame overlaps the reference'
         if agreed < limits.min_agreement:
@@ -319,6 +331,8 @@ def warm_up(config: Config = Config(), depth: bool = False) -> None:
     live[84:114, 20:60] = 255 - live[84:114, 20:60]  # depths are searched for what is new
     result = detector.detect(live)
     result.rectified  # noqa: B018 - computed on first use
+    luma(np.dstack([reference] * 3))  # nothing here has colours ...
+    sub_pixel_peak(np.zeros((3, 3), np.float32))  # ... or loose ends
     if isinstance(result.views, RegisteredFrame):
         mask = np.ones((8, 8), bool)  # nothing here is at another depth by itself
         result.views.foreground([Layer(Blob(mask, 60, 60), mask, Place(0.8), 1.0)])

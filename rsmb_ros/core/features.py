@@ -12,8 +12,8 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from .coarse import StripMatches
 from .motion import Grid
+from .start import StripMatches
 
 MAX_WIDTH = 800  # px; both images are reduced to about this width of the live frame
 RATIO = 0.8  # distance of the best match to that of the second (Lowe 2004)

@@ -10,16 +10,17 @@ from functools import cached_property
 import cv2
 import numpy as np
 
+from ._kernels.pixels import mark_bright
 from .depth_energy import DepthEnergy, PathEnergy, RenderedEnergy, Sight
 from .evidence import NoiseTable
 from .layers import NO_SHIFT, Front, Fronts, Layer, within
+from .lens import Seen
 from .motion import CameraPath, shifted
 from .path_fit import PathFit, row_uncertainty
-from .reference import Reference, at_limit
+from .reference import CLIPPED, Reference
 from .render import Shown, Window, blurred, rectified, shown
-from .sampling import defocused
 from .tone_match import ToneMatch, tone_match
-from .workers import each, shared
+from .workers import each
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
 MAX_RESIDUAL = 30.0  # grey levels; beyond that a pixel shows something else
@@ -58,7 +59,7 @@ class RegisteredFrame(ABC):
         self.predicted, self._colours, self.complete = shown
         self.residual = self.grey - self.predicted
         self.misfit = np.ones(self.grey.shape, np.float32)
-        edge = cv2.copyMakeBorder(self.complete.astype(np.uint8), *[1] * 4, cv2.BORDER_CONSTANT)
+        edge = cv2.copyMakeBorder(self.complete.view(np.uint8), *[1] * 4, cv2.BORDER_CONSTANT)
         inner = cv2.erode(edge, np.ones((BORDER, BORDER), np.uint8))[1:-1, 1:-1] > 0
         self.judged = inner & ~self._clipped()
 
@@ -124,7 +125,9 @@ class RegisteredFrame(ABC):
 
         A clipped reference is a lower bound of the light, a clipped live frame a lower bound too.
         """
-        unknown = at_limit(self.live) & (self.residual < 0)
+        unknown = np.empty(self.grey.shape, bool)
+        channels = self.live.shape[2] if self.live.ndim == 3 else 1
+        mark_bright(self.live.ravel(), channels, CLIPPED, self.residual.ravel(), unknown.ravel())
         if self._reference.fine_clipped is not None:
             window, share = self._seen(self._reference.fine_clipped, self._reference.clipped_box)
             unknown[window.box] |= (share > CLIPPED_SHARE) & (self.residual[window.box] > 0)
@@ -239,28 +242,24 @@ class PathFrame(RegisteredFrame):
         return float(self.fit.light.gain[0])
 
     @cached_property
-    def _fine(self) -> np.ndarray:
-        """Half-pixel reference as sharp as the live camera's lens shows it, linear light."""
-        return self._seen_by_lens(self._reference.fine, self._reference.softer)
+    def _seen_grey(self) -> Seen:
+        return self._reference.lens.seen(self.fit.defocus, self._executor)
 
     @cached_property
+    def _seen_colours(self) -> Seen:
+        if self._reference.fine_colours is self._reference.fine:
+            return self._seen_grey
+        return self._reference.lens_colours.seen(self.fit.defocus, self._executor)
+
+    @property
+    def _fine(self) -> np.ndarray:
+        """Half-pixel reference as sharp as the live camera's lens shows it, linear light."""
+        return self._seen_grey.fine
+
+    @property
     def _fine_colours(self) -> np.ndarray:
         """Each colour's `_fine`, see `Reference.fine_colours`."""
-        if self._reference.fine_colours is self._reference.fine:
-            return self._fine
-        return self._seen_by_lens(self._reference.fine_colours, self._reference.softer_colours)
-
-    def _seen_by_lens(self, fine: np.ndarray, softer: np.ndarray) -> np.ndarray:
-        if self.fit.defocus == 0.0:
-            return fine
-        out = self._reference.buffers.lend(self, fine.shape)
-
-        def run(first: int, last: int) -> None:
-            part = np.s_[first:last]
-            defocused(fine[part], softer[part], self.fit.defocus, out[part])
-
-        shared(self._executor, run, len(fine), fine.size)
-        return out
+        return self._seen_colours.fine
 
     def match_tones(self) -> None:
         """Show the reference in the tones of the live frame, where they are others."""

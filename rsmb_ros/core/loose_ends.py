@@ -15,6 +15,7 @@ from typing import TypeVar
 import cv2
 import numpy as np
 
+from ._kernels.pixels import row_misfits
 from .coarse import sub_pixel_peak
 from .lost_rows import MOST, lost_rows
 from .motion import CameraPath, shifted
@@ -111,12 +112,13 @@ def _anew(
 
 def loose_rows(frame: Frame) -> np.ndarray:
     """Rows (M,) bool from either edge of the frame inwards that misfit, and a few more."""
-    known = frame.judged.sum(axis=1)
+    known, total = np.empty(len(frame.judged), np.int64), np.empty(len(frame.judged))
+    row_misfits(frame.residual, frame.judged, known, total)
     seen = np.flatnonzero(known > KNOWN * frame.judged.shape[1])
     loose = np.zeros(len(known), bool)
     if not seen.size:
         return loose
-    row = (np.abs(frame.residual) * frame.judged).sum(axis=1) / np.maximum(known, 1)
+    row = total / np.maximum(known, 1)
     off = cv2.blur(row[:, None], (1, WINDOW))[:, 0] > max(LEAST, MISFIT * np.median(row[seen]))
     for inwards in (seen, seen[::-1]):
         # from the edge to the last row that misfits before most fit, or some in turn

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import cache
-from itertools import pairwise
+from functools import cache, partial
 
 import numpy as np
 
@@ -19,11 +18,14 @@ from .motion import Grid
 from .path_fit import PathFit
 from .points import Points
 from .sampling import defocused
+from .workers import SMALL, shared
 from .workspace import Workspace
 
 CHUNKS = 8  # blocks of rows, summed in this order whatever the number of threads
+SHARES = 4  # of the chunks, that threads take: calling a kernel with so much takes its time
 ALONE = 16_000  # points times instants, below which a second thread takes longer to wake
-POINT_STEP = 1.0  # px of the level between instants of the exposure
+# px of the level between instants of the exposure, full size and smaller ones: those only start it
+POINT_STEPS = (1.0, 1.5)
 NO_RESIDUAL = 1e8  # residuals above this mark points without reference
 OUTLIER = 30.0  # grey levels; residuals beyond count as that when fits are compared
 BINS_PER_LEVEL = 16.0  # of the histogram that residuals' median is read from
@@ -105,36 +107,41 @@ class NormalEquations:
     ) -> None:
         path = fit.path
         self._level = level
-        self._points = points
-        self._grid = grid
         self._gamma = config.camera.gamma
         self._tones = tone_table(self._gamma)
         self._executor = executor
-        self._threads = 1 if executor is None else config.worker.threads
         self._dof = config.registration.degrees_of_freedom
         self._knots = len(path.control)
-        self._start_defocus, self._fine = level.defocused(fit.defocus)
-        self._at_full_size = np.clip((points.rows + 0.5) * level.factor - 0.5, 0, None)
-        self._times = np.interp(self._at_full_size, np.arange(len(path.row_times)), path.row_times)
-        self._places = points.from_center(level.factor, grid)
+        self._start_defocus, fine = level.defocused(fit.defocus)
+        last = grid.live_shape[0] - 1
+        self._at_full_size = np.clip((points.rows + 0.5) * level.factor - 0.5, 0, last)
+        self._times = last - self._at_full_size if path.bottom_up else self._at_full_size
         rows, count = points.columns.shape
-        self._bounds = np.arange(CHUNKS + 1) * rows // CHUNKS
+        # what the kernels take that stays, in their order
+        self._images = (
+            np.arange(CHUNKS + 1) * rows // CHUNKS, fine.ravel(), level.softer.ravel(),
+            *fine.shape, points.rows, self._times,
+        )  # fmt: skip
+        self._where = points.from_center(level.factor, grid), points.values, points.inverse_depth
+        self._camera = grid.focal_px, grid.center, level.factor, self._dof
         longest = MOST_CHANGE * path.exposure_rows
         most = int(longest / path.knot_rows) + 6
         spread_rows = rows // CHUNKS + 1
         pitch = abs(self._times[-1] - self._times[0]) / max(1, rows - 1)
         size = int((longest + spread_rows * pitch) / path.knot_rows) + 7
         self._begins = np.zeros(CHUNKS, np.int64)
-        self._normals = room.array('normals', (CHUNKS, *2 * (size * self._dof + AHEAD + SPARE,)))
-        self._gradients = room.array('gradients', (CHUNKS, size * self._dof + AHEAD + SPARE))
-        self._kept = (
-            room.array('residuals', (rows, count), np.float32),
+        side = size * self._dof + AHEAD + SPARE
+        self._normals = room.array('normals', (CHUNKS, side, side))
+        self._gradients = room.array('gradients', (CHUNKS, side))
+        self.residuals = room.array('residuals', (rows, count), np.float32)
+        self._knots_of = room.array('knots', (rows, 2), np.int64)
+        self._out = (
+            self._begins, self._normals, self._gradients, self.residuals,
             room.array('jacobians', (rows, most * self._dof + AHEAD + SPARE, count), np.float32),
-            room.array('knots', (rows, 2), np.int64),
+            self._knots_of,
             room.array('edges', (rows, count), np.float32),
             room.array('soft', (rows, count), np.float32),
-        )
-        self.residuals = self._kept[0]
+        )  # fmt: skip
         self._bins = room.array('bins', (BINS,), np.int64)
         self._seen = np.zeros(rows, bool)
         self.gradient = np.zeros(self._knots * self._dof + AHEAD)
@@ -146,13 +153,11 @@ class NormalEquations:
         `misplaced` [px] is how far an edge may be off, `tukey` chooses the loss (else Huber).
         """
         path = fit.path
-        samples = path.samples_per_row(POINT_STEP * self._level.factor)
-        at = np.minimum(self._at_full_size.astype(np.int64), len(samples) - 1)
-        self._samples = samples[at]
-        work = int(self._samples.sum()) * self._places.shape[1]
-        self._parts = 1 if work < ALONE else min(self._threads, CHUNKS)
+        samples = path.samples_per_row(point_step(self._level.number))
+        self._samples = samples[self._at_full_size.astype(np.int64)]
+        self._alone = int(self._samples.sum()) * self.residuals.shape[1] < ALONE
         self._over_rows(linearise, fit, misplaced, tukey)
-        touched = int(self._kept[2][:, 1].max())
+        touched = int(self._knots_of[:, 1].max())
         self.arrow = Arrow.empty(self._knots * self._dof, max(touched, 2 * self._dof + 1))
         assemble(self._begins, self._dof, self._normals, *self.arrow.parts)
         assemble_gradient(self._begins, self._dof, self._gradients, self.gradient)
@@ -183,27 +188,30 @@ class NormalEquations:
     def _over_rows(
         self, kernel: Callable[..., None], fit: PathFit, misplaced: float, tukey: bool
     ) -> None:
-        """Run a kernel over all chunks of rows, the last share of them in this thread."""
-        path, level, points = fit.path, self._level, self._points
+        """Run a kernel over all chunks of rows."""
+        path = fit.path
         data = (
-            self._bounds, self._fine.ravel(), level.softer.ravel(), *self._fine.shape,
-            points.rows, self._times, self._samples, self._places, points.values,
-            points.inverse_depth, path.control, path.first_time, path.knot_rows,
-            path.exposure_rows, fit.defocus - self._start_defocus, self._grid.focal_px,
-            self._grid.center, level.factor, self._dof,
+            *self._images, self._samples, *self._where, path.control, path.first_time,
+            path.knot_rows, path.exposure_rows, fit.defocus - self._start_defocus, *self._camera,
             np.append(fit.light.gain, fit.light.bias), self._tones, self._gamma, fit.sigma,
-            misplaced, tukey, self._begins, self._normals, self._gradients, *self._kept,
+            misplaced, tukey, *self._out,
         )  # fmt: skip
-        ends = [part * CHUNKS // self._parts for part in range(self._parts + 1)]
-        *others_shares, own = pairwise(ends)
-        others = [
-            self._executor.submit(kernel, *share, *data)
-            for share in others_shares
-            if self._executor
-        ]
-        kernel(*own, *data)
-        for other in others:
-            other.result()
+        if self._executor is None or self._alone:
+            kernel(0, CHUNKS, *data)
+        else:
+            run = partial(_on_chunks, kernel, data)
+            shared(self._executor, run, CHUNKS, SMALL, SHARES)
+
+
+def _on_chunks(
+    kernel: Callable[..., None], data: tuple[object, ...], first: int, last: int
+) -> None:
+    kernel(first, last, *data)
+
+
+def point_step(n: int) -> float:
+    """Return how far a point moves between two instants at pyramid level `n` [px]."""
+    return POINT_STEPS[min(n, len(POINT_STEPS) - 1)] * 2.0**n
 
 
 @cache

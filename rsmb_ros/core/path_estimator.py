@@ -15,7 +15,6 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from .coarse import StripMatches, start_path
 from .config import Config
 from .level_fit import SHARP_ROWS, LevelFit
 from .motion import CameraPath, Grid, still_path
@@ -25,6 +24,7 @@ from .photometric import Light
 from .points import LiveImage, Points
 from .reference import Reference
 from .sampling import half_pixel, pyramid
+from .start import StripMatches, start_path
 from .stream import StreamMemory
 from .workspace import Workspaces
 
@@ -56,6 +56,10 @@ class PathEstimator:
         smaller = zip(pyramid(reference.linear, count), pyramid(reference.soft, count), strict=True)
         for n, (image, softer) in list(enumerate(smaller))[1:]:
             self._levels.append(Level(half_pixel(image), half_pixel(softer), n))
+
+    def look_at(self, live: LiveImage) -> None:
+        """Choose the points of `live` at all sizes, before they are asked for."""
+        live.points(len(self._levels))
 
     def estimate(
         self, live: LiveImage, matches: StripMatches, exposure: float | None = None

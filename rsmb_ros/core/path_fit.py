@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.linalg.lapack import dpotrf, dtrtrs
 
 from ._kernels.fit_row import EXTRA
 from .motion import CameraPath
@@ -38,16 +38,18 @@ def row_uncertainty(fit: PathFit) -> np.ndarray:
     path = fit.path
     knots = len(path.control)
     dof = (len(fit.information) - EXTRA) // knots
-    try:
-        factor = cho_factor(fit.information, lower=True)
-    except LinAlgError:
+    factor, failed = dpotrf(fit.information, lower=1)
+    if failed:
         return np.full(len(path.row_times), np.inf)
+    # x of all knots, then y: their part of (L L^T)^-1 is U^T U, L U being their unit vectors
+    own = np.concatenate([np.arange(e, knots * dof, dof) for e in (0, 1)])
+    units = np.zeros((len(own), len(fit.information)))
+    units[np.arange(len(own)), own] = 1.0
+    roots = dtrtrs(factor, units.T, lower=1)[0].T
     basis = path.spline_basis(path.row_times)
     variance = np.zeros(len(basis))
-    for e in (0, 1):
-        own = np.arange(e, knots * dof, dof)
-        covariance = cho_solve(factor, np.eye(len(fit.information))[:, own])[own]
-        variance += np.einsum('tk,tk->t', basis @ covariance, basis)
+    for root in (roots[:knots], roots[knots:]):
+        variance += ((basis @ (root @ root.T)) * basis).sum(axis=1)
     if fit.lost is not None:
         variance[fit.lost] = np.inf
     return np.sqrt(variance)

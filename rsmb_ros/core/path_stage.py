@@ -6,7 +6,6 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from .coarse import StripMatches
 from .config import Config
 from .frame import PathFrame, RegisteredFrame
 from .level_fit import SHARP_ROWS
@@ -17,6 +16,7 @@ from .path_fit import PathFit
 from .points import LiveImage
 from .reference import Reference
 from .row_refinement import RowRefinement
+from .start import StripMatches
 from .stream import StreamMemory
 
 # Of the misfit of a frame that was refused: denser knots from the start leave 0.3 to 0.6 of it
@@ -38,7 +38,7 @@ class PathStage:
         self._last: LiveImage | None = None
         self._rows: RowRefinement | None = None
         if config.registration.refine_rows:
-            self._rows = RowRefinement(self._estimator, grid, config)
+            self._rows = RowRefinement(self._estimator, grid, config, executor)
 
     def frame(
         self, live: np.ndarray, grey: np.ndarray, matches: StripMatches, sharp: bool = False
@@ -75,6 +75,10 @@ class PathStage:
         assert isinstance(frame, PathFrame)
         fit = self._estimator.refine(self._image(frame.grey), frame.fit, foreground)
         return self.frame_class(self._reference, frame.live, frame.grey, fit, self._executor)
+
+    def look_at(self, grey: np.ndarray) -> None:
+        """Prepare what the fit sees of a frame (M, N) float32, for who calls `frame` next."""
+        self._estimator.look_at(self._image(grey))
 
     def _image(self, grey: np.ndarray) -> LiveImage:
         """Return what the fit sees of a frame, that of the last one if it is the same."""

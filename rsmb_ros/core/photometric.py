@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ._kernels.pixels import mix_colours
+
 # ITU-R BT.601 weights of B, G, R, as every camera's JPEG uses for its luma.
 LUMA_WEIGHTS = np.array([0.114, 0.587, 0.299], np.float32)
 
@@ -14,7 +16,9 @@ def luma(image: np.ndarray) -> np.ndarray:
     """Grey levels of a (M, N) or BGR (M, N, 3) image, (M, N) float32, 0..255."""
     if image.ndim == 2:
         return image.astype(np.float32)
-    return image.astype(np.float32) @ LUMA_WEIGHTS
+    grey = np.empty(image.shape[:2], np.float32)
+    mix_colours(np.ascontiguousarray(image).reshape(-1), LUMA_WEIGHTS, grey.reshape(-1))
+    return grey
 
 
 def to_linear(display: np.ndarray, gamma: float) -> np.ndarray:

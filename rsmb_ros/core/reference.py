@@ -9,6 +9,7 @@ import numpy as np
 
 from .buffers import Buffers
 from .depth_map import DepthMap
+from .lens import Lens
 from .photometric import luma, to_linear
 from .sampling import HALF_PIXELS, half_pixel, side_by_side, softened
 
@@ -70,6 +71,16 @@ class Reference:
     def softer(self) -> np.ndarray:
         """Half-pixel samples of `soft`, (2M, 2N) float32."""
         return half_pixel(self.soft)
+
+    @cached_property
+    def lens(self) -> Lens:
+        """What shows `fine` as a live camera's lens does."""
+        return Lens(self.fine, self.softer, self.buffers)
+
+    @cached_property
+    def lens_colours(self) -> Lens:
+        """What shows `fine_colours` as a live camera's lens does."""
+        return Lens(self.fine_colours, self.softer_colours, self.buffers)
 
     @cached_property
     def fine_clipped(self) -> np.ndarray | None:

@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 
-from .coarse import StripMatches, start_path
 from .config import Config
 from .frame import RegisteredFrame
 from .layers import NO_SHIFT
@@ -17,6 +16,7 @@ from .reference import Reference
 from .render import Shown, Window
 from .row_estimator import RowEstimator
 from .row_fit import RowFit
+from .start import StripMatches, start_path
 
 KNOT_ROWS = 6.0  # of the path laid through the centroids
 START_EXPOSURE = 0.0  # rows; the coarse start of rows knows of no exposure
@@ -50,6 +50,10 @@ class RowStage:
         fit = self._estimator.estimate(grey, start.row_motion())
         path = path_through(fit.centroids, self._grid, bottom_up)
         return RowFrame(self._reference, live, grey, fit, path, self._executor)
+
+    @staticmethod
+    def look_at(grey: np.ndarray) -> None:
+        """Prepare nothing: rows are taken as they are."""
 
     @staticmethod
     def shaken(refused: RegisteredFrame, matches: StripMatches) -> RegisteredFrame | None:

@@ -9,6 +9,7 @@ are dealt to two halves in stripes, a path is fitted to each and measured on the
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Protocol, TypeVar
 
@@ -59,11 +60,16 @@ class RowRefinement:
         What fitted the paths.
     grid : Grid
     config : Config
+    executor : Executor
+        Threads that share the work.
 
     """
 
-    def __init__(self, estimator: PathEstimator, grid: Grid, config: Config) -> None:
+    def __init__(
+        self, estimator: PathEstimator, grid: Grid, config: Config, executor: Executor
+    ) -> None:
         self._estimator = estimator
+        self._executor = executor
         self._grid = grid
         self._config = config
         self._levels = min(LEVELS, level_count(grid))
@@ -98,7 +104,7 @@ class RowRefinement:
         for denser, gain in DENSER:
             if knot_rows / denser < MIN_KNOT_ROWS:
                 break
-            signal = row_signal(frame.predicted, frame.residual, frame.judged)
+            signal = row_signal(frame.predicted, frame.residual, frame.judged, self._executor)
             if signal.share < MIN_SIGNAL:
                 break
             points = points or live.points(self._levels)

@@ -7,13 +7,16 @@ columns are dealt to two halves in stripes, and what one half asks for is measur
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solveh_banded
 
 from ._kernels.row_shift import TERMS, row_sums
 from .level_fit import MIN_SIGMA
+from .workers import shared
 
 STRIPES = 20  # over the width; every other one belongs to the second half
 SMOOTH = 1e4  # 1/px^2, weight of bends: a row may bend its neighbours' line by 0.01 px (sigma)
@@ -27,10 +30,17 @@ class RowSignal:
     """What the rows of a frame say that its path does not."""
 
     share: float  # of the misfit of each half of the columns, explained by the other half's shifts
-    shift: np.ndarray  # (M, 2) x, y, of the rows by all columns [px of the live frame]
+    sums: np.ndarray  # (M, TERMS) normal equations of the rows' shifts by all columns
+
+    @cached_property
+    def shift(self) -> np.ndarray:
+        """Shifts x, y of the rows by all columns (M, 2) [px of the live frame]."""
+        return smooth_shifts(self.sums)
 
 
-def row_signal(predicted: np.ndarray, residual: np.ndarray, judged: np.ndarray) -> RowSignal:
+def row_signal(
+    predicted: np.ndarray, residual: np.ndarray, judged: np.ndarray, executor: Executor
+) -> RowSignal:
     """
     Measure how far rows lie from where they are predicted, and whether that can be believed.
 
@@ -40,23 +50,29 @@ def row_signal(predicted: np.ndarray, residual: np.ndarray, judged: np.ndarray) 
         Prediction and live - predicted [grey levels].
     judged : ndarray of shape (M, N), bool
         Pixels that count.
+    executor : Executor
+        Threads that share the rows.
 
     """
     rows, columns = judged.shape
     known = np.abs(residual[SOME][judged[SOME]])
     if not known.size:
-        return RowSignal(0.0, np.zeros((rows, 2)))
+        return RowSignal(0.0, np.zeros((rows, TERMS), np.float32))
     sigma = max(MIN_SIGMA, 1.4826 * float(np.median(known)))
     ends = -(-columns * np.arange(1, STRIPES + 1) // STRIPES)
-    sums = np.zeros((rows, 2, TERMS), np.float32)
-    row_sums(
-        predicted, residual, judged, ends, np.float32(sigma**2), np.float32(MISPLACED**2),
-        np.float32(OUTLIER**2), sums,
-    )  # fmt: skip
+    sums = np.empty((rows, 2, TERMS), np.float32)
+
+    def run(first: int, last: int) -> None:
+        row_sums(
+            first, last, predicted, residual, judged, ends, np.float32(sigma**2),
+            np.float32(MISPLACED**2), np.float32(OUTLIER**2), sums,
+        )  # fmt: skip
+
+    shared(executor, run, rows, judged.size)
     halves = [smooth_shifts(sums[:, n]) for n in (0, 1)]
     explained = sum(_explained(sums[:, 1 - n], shift) for n, shift in enumerate(halves))
     misfit = OUTLIER**2 / 6 * float(sums[:, :, 5].sum())
-    return RowSignal(explained / max(misfit, 1e-6), smooth_shifts(sums.sum(axis=1)))
+    return RowSignal(explained / max(misfit, 1e-6), sums.sum(axis=1))
 
 
 def second_half(columns: np.ndarray, width: int) -> np.ndarray:

@@ -38,15 +38,17 @@ def _workers(threads: int, process: int | None) -> Workers:
     return Workers(threads)  # a forked process has none of its parent's threads
 
 
-def shared(executor: Executor, run: Callable[[int, int], None], rows: int, work: int) -> None:
+def shared(
+    executor: Executor, run: Callable[[int, int], None], rows: int, work: int, parts: int = PARTS
+) -> None:
     """
     Call `run` with blocks (first, last) that cover `rows` rows once, by several threads at once.
 
     The caller takes blocks, too, and asks as few threads as there are: each that is woken costs
     more than a block. Which thread runs which block is left to chance, so blocks must not share
-    anything they write. `work` [px] says how much there is to do.
+    anything they write. `work` [px] says how much there is to do, `parts` how many blocks to make.
     """
-    blocks = [(n * rows // PARTS, (n + 1) * rows // PARTS) for n in range(PARTS)]
+    blocks = [(n * rows // parts, (n + 1) * rows // parts) for n in range(parts)]
     if work < SMALL:
         run(0, rows)
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,7 +19,7 @@ class Workspace:
 
     def array(self, name: str, shape: tuple[int, ...], dtype: DTypeLike = np.float64) -> np.ndarray:
         """Return an array of that shape with anything in it."""
-        count = int(np.prod(shape))
+        count = math.prod(shape)
         memory = self._memory.get(name)
         if memory is None or memory.size < count or memory.dtype != dtype:
             memory = self._memory[name] = np.zeros(count, dtype)

@@ -106,7 +106,7 @@ def test_chunks_add_up_where_their_knots_are():
     rng = np.random.default_rng(3)
     chunks, gradients = rng.normal(size=(2, 20, 20)), rng.normal(size=(2, 20))
     for chunk in chunks:  # four knots each
-        chunk[AHEAD + 4 * DOF :] = 0.0
+        chunk[:, AHEAD + 4 * DOF :] = 0.0
     gradients[:, AHEAD + 4 * DOF :] = 0.0
     begins = np.array([1, 4])
     arrow, gradient = Arrow.empty(UNKNOWNS, 4 * DOF), np.empty(UNKNOWNS + AHEAD)
@@ -116,7 +116,7 @@ def test_chunks_add_up_where_their_knots_are():
     for begin, chunk, one in zip(begins, chunks, gradients, strict=True):
         path = begin * DOF + np.arange(4 * DOF)
         to = np.concatenate([UNKNOWNS + np.arange(AHEAD), path])
-        expected[np.ix_(to, to)] += np.tril(chunk)  # extras lie behind the path there
+        expected[np.ix_(to, to)] += np.triu(chunk).T  # extras lie behind the path there
         expected_gradient[to] += one
     whole = expected[UNKNOWNS:, :UNKNOWNS] + expected[:UNKNOWNS, UNKNOWNS:].T
     np.testing.assert_allclose(arrow.border, whole.T)

@@ -8,7 +8,7 @@ import naive_rows
 import numpy as np
 import pytest
 
-from rsmb_ros.core.coarse import CoarseSearch, start_path
+from rsmb_ros.core.coarse import CoarseSearch
 from rsmb_ros.core.errors import ConfigError, FrameError
 from rsmb_ros.core.motion import Grid, coordinates_from_poses
 from rsmb_ros.core.photometric import luma
@@ -16,6 +16,7 @@ from rsmb_ros.core.row_estimator import RowEstimator
 from rsmb_ros.core.row_fit import AROUND_NEIGHBOUR, AROUND_START, RowFit
 from rsmb_ros.core.sampling import half_pixel
 from rsmb_ros.core.shutter import ShutterTiming
+from rsmb_ros.core.start import start_path
 from rsmb_ros.core.synthesis import Nuisances, Scene, Sheet, aerial_scene, live_frame
 from rsmb_ros.core.synthesis.paths import POSE_ZERO, offset, smooth, stairs
 from rsmb_ros.core.workers import Workers

@@ -217,30 +217,30 @@ def residual_of(image, shift, noise=0.5):
     return moved.astype(np.float32)
 
 
-def test_shifts_of_rows_are_measured(image):
+def test_shifts_of_rows_are_measured(image, executor):
     i = np.arange(120)
     shift = 0.3 * np.stack([np.sin(i / 4), np.cos(i / 4)], axis=1)  # a turn takes 25 rows
-    signal = row_signal(image, residual_of(image, shift), np.ones(image.shape, bool))
+    signal = row_signal(image, residual_of(image, shift), np.ones(image.shape, bool), executor)
     assert signal.share > 0.4
     assert np.abs(signal.shift - shift)[2:-2].max() < 0.03
 
 
-def test_noise_is_no_signal(image):
+def test_noise_is_no_signal(image, executor):
     residual = residual_of(image, np.zeros((120, 2)), noise=4.0)
-    signal = row_signal(image, residual, np.ones(image.shape, bool))
+    signal = row_signal(image, residual, np.ones(image.shape, bool), executor)
     assert signal.share < 0.25 * refinement.MIN_SIGNAL
 
 
-def test_shift_of_one_half_of_the_columns_is_no_signal(image):
+def test_shift_of_one_half_of_the_columns_is_no_signal(image, executor):
     shift = 0.3 * np.stack([np.sin(np.arange(120) / 4)] * 2, axis=1)
     half = second_half(np.arange(160), 160)
     residual = np.where(half, residual_of(image, shift), residual_of(image, -shift))
-    signal = row_signal(image, residual.astype(np.float32), np.ones(image.shape, bool))
+    signal = row_signal(image, residual.astype(np.float32), np.ones(image.shape, bool), executor)
     assert signal.share < 0.0
 
 
-def test_frame_of_which_nothing_is_judged_has_no_signal(image):
-    signal = row_signal(image, np.zeros_like(image), np.zeros(image.shape, bool))
+def test_frame_of_which_nothing_is_judged_has_no_signal(image, executor):
+    signal = row_signal(image, np.zeros_like(image), np.zeros(image.shape, bool), executor)
     assert signal.share == 0.0
     assert not signal.shift.any()
 
@@ -254,7 +254,7 @@ def test_sums_of_rows_are_the_normal_equations_of_their_shifts(image):
     ends = np.array([13, 30, 31, 50])
     sums = np.zeros((12, 2, TERMS), np.float32)
     limits = np.float32(4.0), np.float32(0.01), np.float32(9.0)
-    row_sums(image, residual, judged, ends, *limits, sums)
+    row_sums(0, 12, image, residual, judged, ends, *limits, sums)
     expected = naive.row_sums(image, residual, judged, ends, *limits)
     np.testing.assert_allclose(sums, expected, rtol=2e-5, atol=1e-4)  # float32
 

@@ -39,7 +39,7 @@ def linearise(
     """
     Write the normal equations of Eq. 1 and 6 of each of chunks[first:last] of the rows of points.
 
-    Chunk c holds rows[bounds[c]:bounds[c + 1]]. Its `normal[c]` (S, S), lower triangle, and
+    Chunk c holds rows[bounds[c]:bounds[c + 1]]. Its `normal[c]` (S, S), upper triangle, and
     `gradient[c]` (S,) hold the extras, `AHEAD` of them, then the unknowns of its knots from
     `begins[c]` on.
     `places` (R, P) are the points' columns from the live centre [px].

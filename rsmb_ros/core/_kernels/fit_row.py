@@ -270,7 +270,7 @@ def add_gradient(jacobian, count, weighted_residual, base, gradient):
 @njit(**INLINED)
 def add_products(weighted, count, base, normal):
     """
-    Add the products of `count` rows, each by the root of the weights, to a lower triangle.
+    Add the products of `count` rows, each by the root of the weights, to an upper triangle.
 
     Four by four: eight loads then serve sixteen sums. The `SPARE` rows after them are zeros.
     """
@@ -307,22 +307,22 @@ def add_products(weighted, count, base, normal):
                 s31 += m3[p] * n1[p]
                 s32 += m3[p] * n2[p]
                 s33 += m3[p] * n3[p]
-            normal[row, to] += s00
-            normal[row, to + 1] += s01
-            normal[row, to + 2] += s02
-            normal[row, to + 3] += s03
-            normal[row + 1, to] += s10
-            normal[row + 1, to + 1] += s11
-            normal[row + 1, to + 2] += s12
-            normal[row + 1, to + 3] += s13
-            normal[row + 2, to] += s20
-            normal[row + 2, to + 1] += s21
-            normal[row + 2, to + 2] += s22
-            normal[row + 2, to + 3] += s23
-            normal[row + 3, to] += s30
-            normal[row + 3, to + 1] += s31
-            normal[row + 3, to + 2] += s32
-            normal[row + 3, to + 3] += s33
+            normal[to, row] += s00
+            normal[to, row + 1] += s10
+            normal[to, row + 2] += s20
+            normal[to, row + 3] += s30
+            normal[to + 1, row] += s01
+            normal[to + 1, row + 1] += s11
+            normal[to + 1, row + 2] += s21
+            normal[to + 1, row + 3] += s31
+            normal[to + 2, row] += s02
+            normal[to + 2, row + 1] += s12
+            normal[to + 2, row + 2] += s22
+            normal[to + 2, row + 3] += s32
+            normal[to + 3, row] += s03
+            normal[to + 3, row + 1] += s13
+            normal[to + 3, row + 2] += s23
+            normal[to + 3, row + 3] += s33
 
 
 @njit(**INLINED)

@@ -11,15 +11,24 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 from numba import njit
 
 from .fit_row import AHEAD, EXTRA
-from .geometry import OPTIONS
+from .geometry import INLINED, OPTIONS
+
+
+@njit(**INLINED)
+def add_to(row, begin, out, count):
+    """Add row[begin:] to `out`."""
+    begin = np.uint64(begin)
+    for k in range(np.uint64(count)):
+        out[k] += row[begin + k]
 
 
 @njit(**OPTIONS)
 def assemble(begins, dof, normals, band, border, corner):
-    """Write the sum of chunks' normal equations (C, S, S) into an arrow, chunk after chunk."""
+    """Write the sum of chunks' upper triangles (C, S, S) into an arrow, chunk after chunk."""
     unknowns, width = band.shape
     band[:] = 0.0
     border[:] = 0.0
@@ -29,14 +38,12 @@ def assemble(begins, dof, normals, band, border, corner):
         normal = normals[chunk]
         for x in range(AHEAD):
             for y in range(x + 1):
-                corner[x, y] += normal[x, y]
+                corner[x, y] += normal[y, x]
         size = min(unknowns - base, normal.shape[0] - AHEAD)
         for i in range(size):
-            row = normal[AHEAD + i]
             for x in range(AHEAD):
-                border[base + i, x] += row[x]
-            for d in range(min(i + 1, width)):
-                band[base + i - d, d] += row[AHEAD + i - d]
+                border[base + i, x] += normal[x, AHEAD + i]
+            add_to(normal[AHEAD + i], AHEAD + i, band[base + i], min(width, size - i))
 
 
 @njit(**OPTIONS)
@@ -96,28 +103,68 @@ def believe(
             gradient[unknowns + x] = 0.0
 
 
+@njit(**INLINED)
+def take_off(factor, row, begin, out, count):
+    """Subtract `factor` times row[begin:] from `out`."""
+    begin = np.uint64(begin)
+    for k in range(np.uint64(count)):
+        out[k] -= factor * row[begin + k]
+
+
+@njit(**INLINED)
+def take_off_four(factors, at, rows, begin, out, count):
+    """Subtract factors[m, at] times rows[m, begin:] from `out`, for the four m at once."""
+    at = np.uint64(at)
+    begin = np.uint64(begin)
+    f0 = factors[0, at]
+    f1 = factors[1, at]
+    f2 = factors[2, at]
+    f3 = factors[3, at]
+    r0 = rows[0]
+    r1 = rows[1]
+    r2 = rows[2]
+    r3 = rows[3]
+    for k in range(np.uint64(count)):
+        n = begin + k
+        out[k] -= f0 * r0[n] + f1 * r1[n] + f2 * r2[n] + f3 * r3[n]
+
+
 @njit(**OPTIONS)
 def factorise(band, border, corner):
-    """Replace an arrow by its Cholesky factor; return whether it is positive definite."""
+    """
+    Replace an arrow by its Cholesky factor; return whether it is positive definite.
+
+    Four columns at a time: what lies behind them is then loaded and stored once for the four.
+    """
     unknowns, width = band.shape
-    for j in range(unknowns):
-        if not band[j, 0] > 0.0:
-            return False
-        inverse = 1.0 / math.sqrt(band[j, 0])
-        reach = min(width, unknowns - j)
-        for d in range(reach):
-            band[j, d] *= inverse
-        for x in range(AHEAD):
-            border[j, x] *= inverse
-        for d in range(1, reach):
-            factor = band[j, d]
-            for k in range(reach - d):
-                band[j + d, k] -= factor * band[j, d + k]
+    below = np.empty((4, width))
+    beside = np.empty((4, AHEAD))
+    for begin in range(0, unknowns, 4):
+        end = min(begin + 4, unknowns)
+        below[:] = 0.0
+        beside[:] = 0.0
+        for j in range(begin, end):
+            if not band[j, 0] > 0.0:
+                return False
+            inverse = 1.0 / math.sqrt(band[j, 0])
+            reach = min(width, unknowns - j)
+            for d in range(reach):
+                band[j, d] *= inverse
             for x in range(AHEAD):
-                border[j + d, x] -= factor * border[j, x]
-        for x in range(AHEAD):
-            for y in range(x + 1):
-                corner[x, y] -= border[j, x] * border[j, y]
+                border[j, x] *= inverse
+            for d in range(1, min(end - j, reach)):
+                take_off(band[j, d], band[j], d, band[j + d], reach - d)
+                take_off(band[j, d], border[j], 0, border[j + d], AHEAD)
+            for d in range(end - j, reach):
+                below[j - begin, d - (end - j)] = band[j, d]
+            for x in range(AHEAD):
+                beside[j - begin, x] = border[j, x]
+                for y in range(x + 1):
+                    corner[x, y] -= border[j, x] * border[j, y]
+        behind = min(width - 1, unknowns - end)
+        for t in range(behind):
+            take_off_four(below, t, below, t, band[end + t], behind - t)
+            take_off_four(below, t, beside, 0, border[end + t], AHEAD)
     for y in range(AHEAD):
         if not corner[y, y] > 0.0:
             return False

@@ -11,17 +11,25 @@ TERMS = 6  # g_x^2, g_x g_y, g_y^2, g_x r, g_y r, misfit
 
 
 @njit(**OPTIONS)
-def row_sums(predicted, residual, judged, ends, variance, misplaced2, outlier2, sums):
+def row_sums(
+    first, last, predicted, residual, judged, ends, variance, misplaced2, outlier2, sums
+):
     """
     Write, per row and half of the columns, the weighted sums of `TERMS` into `sums` (M, 2, TERMS).
 
-    The weight is Tukey's, 0 beyond sqrt(outlier2) sigma and where not `judged`, over the variance
-    of a pixel: `variance` + misplaced2 |g|^2. The misfit is 1 - (1 - z^2 / outlier2)^3.
-    Stripes that end at the columns `ends` belong to the halves in turn; edge columns are left out.
+    Of rows first..last. The weight is Tukey's, 0 beyond sqrt(outlier2) sigma and where not
+    `judged`, over the variance of a pixel: `variance` + misplaced2 |g|^2. The misfit is
+    1 - (1 - z^2 / outlier2)^3. Stripes that end at the columns `ends` belong to the halves in turn;
+    edge columns are left out.
     """
     rows, columns = predicted.shape
-    terms = np.empty((TERMS, columns), np.float32)
-    for i in range(rows):
+    terms = np.zeros((TERMS, columns), np.float32)
+    halves = np.zeros((2, columns), np.float32)
+    begin = 1
+    for s in range(ends.size):
+        halves[s % 2, begin : min(ends[s], columns - 1)] = 1.0
+        begin = min(ends[s], columns - 1)
+    for i in range(first, last):
         here = predicted[i]
         above = predicted[max(i - 1, 0)]
         below = predicted[min(i + 1, rows - 1)]
@@ -41,11 +49,10 @@ def row_sums(predicted, residual, judged, ends, variance, misplaced2, outlier2, 
             terms[5, j] = counts * (np.float32(1.0) - near * near * near)
         # loops of their own: beside a store, sums add up in an order that depends on addresses
         for n in range(TERMS):
-            begin = 1
-            for s in range(ends.size):
-                end = min(ends[s], columns - 1)
-                total = np.float32(0.0)
-                for j in range(begin, end):
-                    total += terms[n, j]
-                sums[i, s % 2, n] += total
-                begin = end
+            one = np.float32(0.0)
+            other = np.float32(0.0)
+            for j in range(columns):
+                one += terms[n, j] * halves[0, j]
+                other += terms[n, j] * halves[1, j]
+            sums[i, 0, n] = one
+            sums[i, 1, n] = other
