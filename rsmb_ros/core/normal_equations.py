@@ -24,8 +24,7 @@ from .workspace import Workspace
 CHUNKS = 8  # blocks of rows, summed in this order whatever the number of threads
 SHARES = 4  # of the chunks, that threads take: calling a kernel with so much takes its time
 ALONE = 16_000  # points times instants, below which a second thread takes longer to wake
-# px of the level between instants of the exposure, full size and smaller ones: those only start it
-POINT_STEPS = (1.0, 1.5)
+POINT_STEP = 1.0  # px of the level between instants of the exposure
 NO_RESIDUAL = 1e8  # residuals above this mark points without reference
 OUTLIER = 30.0  # grey levels; residuals beyond count as that when fits are compared
 BINS_PER_LEVEL = 16.0  # of the histogram that residuals' median is read from
@@ -153,7 +152,7 @@ class NormalEquations:
         `misplaced` [px] is how far an edge may be off, `tukey` chooses the loss (else Huber).
         """
         path = fit.path
-        samples = path.samples_per_row(point_step(self._level.number))
+        samples = path.samples_per_row(POINT_STEP * self._level.factor)
         self._samples = samples[self._at_full_size.astype(np.int64)]
         self._alone = int(self._samples.sum()) * self.residuals.shape[1] < ALONE
         self._over_rows(linearise, fit, misplaced, tukey)
@@ -207,11 +206,6 @@ def _on_chunks(
     kernel: Callable[..., None], data: tuple[object, ...], first: int, last: int
 ) -> None:
     kernel(first, last, *data)
-
-
-def point_step(n: int) -> float:
-    """Return how far a point moves between two instants at pyramid level `n` [px]."""
-    return POINT_STEPS[min(n, len(POINT_STEPS) - 1)] * 2.0**n
 
 
 @cache
