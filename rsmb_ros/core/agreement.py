@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
+from dataclasses import dataclass
 from functools import partial
 
 import cv2
@@ -16,31 +17,53 @@ BLOCKS_ACROSS = 20  # blocks over the image's width
 MIN_CONTRAST = 3.0  # grey levels of a block that is asked
 MIN_CORRELATION = 0.6  # of a block that agrees
 MIN_BLOCKS = 4
+ALL = 0.999  # of a block that must lie in the reference
 SHARP_SHARE = 95  # percentile of the gradients that stands for an image's sharpness
-MIN_SHARPNESS = 0.6  # registered / live; 0.93 to 1.0 on right frames, below 0.45 on smeared ones
+# Registered / live, where they agree: on right frames 0.87 to 1.0, in blur or across 80 px of
+# parallax 0.73 and more; below 0.56 on smeared ones.
+MIN_SHARPNESS = 0.6
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Which blocks of a predicted image show what the live one shows."""
+
+    asked: np.ndarray  # (r, c) bool, blocks with texture
+    agreed: np.ndarray  # (r, c) bool, those of them whose grey levels correlate
+    size: int  # of a block [px]
+
+    @property
+    def share(self) -> float | None:
+        """Share of the textured blocks that agree, 0..1; None when too few have texture."""
+        asked = np.count_nonzero(self.asked)
+        return np.count_nonzero(self.agreed) / asked if asked >= MIN_BLOCKS else None
+
+    def within(self, mask: np.ndarray) -> np.ndarray:
+        """Return what of a mask (M, N) bool lies in blocks that agree."""
+        agreed = self.agreed.repeat(self.size, axis=0).repeat(self.size, axis=1)
+        rows, columns = agreed.shape
+        inside = np.zeros_like(mask)
+        inside[:rows, :columns] = mask[:rows, :columns] & agreed
+        return inside
 
 
 def agreement(
     predicted: np.ndarray, live: np.ndarray, complete: np.ndarray, across: int = BLOCKS_ACROSS
-) -> float | None:
+) -> Agreement:
     """
-    Share of textured blocks whose predicted and live grey levels correlate, 0..1.
+    Compare predicted and live grey levels block by block.
 
     Blocks vote one each, so a large change or strong light in one place cannot decide. Images are
-    (M, N) float32, `complete` (M, N) bool; `across` blocks are as wide as they. None when too few
-    blocks have texture.
+    (M, N) float32, `complete` (M, N) bool; `across` blocks are as wide as they.
     """
     size = block_size(predicted.shape[1], across)
     means = np.empty((predicted.shape[0] // size, predicted.shape[1] // size, 6))
     block_moments(predicted, live, complete, size, means)
     mean_p, mean_l, square_p, square_l, product, known = np.moveaxis(means, -1, 0)
-    full = known > 0.999
     var_p, var_l, both = square_p - mean_p**2, square_l - mean_l**2, product - mean_p * mean_l
-    asked = full & (np.maximum(var_p, var_l) > MIN_CONTRAST**2)
-    if np.count_nonzero(asked) < MIN_BLOCKS:
-        return None
-    correlation = both[asked] / np.sqrt(np.maximum(var_p[asked] * var_l[asked], 1e-6))
-    return float((correlation > MIN_CORRELATION).mean())
+    asked = (known > ALL) & (np.maximum(var_p, var_l) > MIN_CONTRAST**2)
+    correlation = both / np.sqrt(np.maximum(var_p * var_l, 1e-6))
+    return Agreement(asked, asked & (correlation > MIN_CORRELATION), size)
 
 
 def block_size(columns: int, across: int = BLOCKS_ACROSS) -> int:
@@ -55,8 +78,9 @@ def sharpness(
     Sharpness of a predicted image relative to the live one, about 1 where they fit.
 
     A wrong path with a long exposure smears the reference until little contradicts the live frame:
-    its agreement is high, its sharpness is not. Images are (M, N) float32, `judged` (M, N) bool;
-    they are compared at half size, where noise is no texture. Each is looked at by a thread.
+    its agreement is high, its sharpness is not. Images are (M, N) float32, `judged` (M, N) bool: best
+    where they agree, because a new object has edges that only the live one shows. They are compared
+    at half size, where noise is no texture. Each is looked at by a thread.
     """
     half = (predicted.shape[1] // 2, predicted.shape[0] // 2)
     whole = np.s_[: 2 * half[1], : 2 * half[0]]

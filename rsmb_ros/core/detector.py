@@ -278,8 +278,9 @@ class Detector:
                 f'no overlap: {overlap:.0%} of the frame lies in the reference, '
                 f'{limits.min_overlap:.0%} needed'
             )
-        agreed = agreement(frame.predicted, frame.grey, frame.complete)
-        sharp = sharpness(frame.predicted, frame.grey, frame.judged, self._executor)
+        found = agreement(frame.predicted, frame.grey, frame.complete)
+        alike, agreed = found.within(frame.judged), found.share
+        sharp = sharpness(frame.predicted, frame.grey, alike, self._executor)
         if agreed is None:
             return 'no texture where the live frame overlaps the reference'
         if agreed < limits.min_agreement:

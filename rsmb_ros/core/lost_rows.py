@@ -40,7 +40,7 @@ def lost_rows(frame: Frame, grey: np.ndarray) -> np.ndarray:
     mirrored = [np.s_[rows - band.stop : rows - band.start] for band in bands]
     for inwards in (bands, mirrored):
         agreed = [
-            agreement(frame.predicted[band], grey[band], frame.complete[band], across)
+            agreement(frame.predicted[band], grey[band], frame.complete[band], across).share
             for band in inwards
         ]
         known = [share for share in agreed if share is not None]

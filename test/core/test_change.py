@@ -72,11 +72,11 @@ def test_agreement_counts_blocks_not_pixels(texture_of):
     image = texture_of(240, 320, 4).astype(np.float32)
     other = texture_of(240, 320, 5).astype(np.float32)
     whole = np.ones(image.shape, bool)
-    assert agreement(image, 1.3 * image + 10, whole) == 1.0
+    assert agreement(image, 1.3 * image + 10, whole).share == 1.0
     half = np.where(np.arange(240)[:, None] < 120, image, other)
-    assert abs(agreement(image, half, whole) - 0.5) < 0.12
-    assert agreement(image, other, whole) < 0.15
-    assert agreement(np.full_like(image, 9), np.full_like(image, 9), whole) is None
+    assert abs(agreement(image, half, whole).share - 0.5) < 0.12
+    assert agreement(image, other, whole).share < 0.15
+    assert agreement(np.full_like(image, 9), np.full_like(image, 9), whole).share is None
 
 
 def test_a_smeared_prediction_is_told_from_a_right_one(texture_of, executor):
@@ -95,6 +95,20 @@ def test_noise_makes_no_smeared_prediction_sharp(texture_of, noise, executor):
     smeared = cv2.blur(image, (21, 21))
     assert sharpness(smeared + grain, image, judged, executor) < 0.6
     assert sharpness(image, image + grain, judged, executor) > 0.85
+
+
+def test_edges_of_a_new_object_do_not_make_the_ground_look_smeared(texture_of, executor):
+    """A truck on asphalt: only the live frame has such edges."""
+    image = 100.0 + 0.15 * texture_of(240, 320, 7).astype(np.float32)
+    live, judged = image.copy(), np.ones(image.shape, bool)
+    live[64:144, 96:208] = 40.0 + 180.0 * (np.arange(112) // 8 % 2)
+    assert sharpness(image, live, judged, executor) < 0.6
+    found = agreement(image, live, judged)
+    assert 0.6 < found.share < 0.95
+    alike = found.within(judged)
+    assert not alike[64:144, 96:208].any()
+    assert abs(sharpness(image, live, alike, executor) - 1.0) < 0.05
+    assert sharpness(cv2.blur(image, (21, 21)), live, alike, executor) < 0.6
 
 
 def test_only_what_is_judged_counts_as_sharp(texture_of, executor):
