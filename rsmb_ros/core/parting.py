@@ -14,6 +14,9 @@ from .segmentation import Blob, filled
 NECK = 0.2  # of the smaller part's width, below which a neck parts; objects have such at .3
 SPECKS = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))  # gaps that are noise
 LEAST_SHARE = 0.2  # of the whole: neighbours are of a size, less is a piece of an object
+WAIST = 0.92  # of the hull of two neighbours is in theirs: .84 to .9; in those of pieces .93 to 1
+VALLEY = 0.7  # of the evidence of the weaker is between two: .4 to .6; in most cut objects more
+BESIDE = np.ones((3, 3), np.uint8)
 APART_PX = 3  # least distance of two middles: the outline is rough
 # each pixel and its right, lower, lower right and lower left neighbour
 SIDES = (
@@ -26,18 +29,56 @@ SIDES = (
 
 def parted(blob: Blob, seen: Seen, judged: np.ndarray, config: ChangeConfig) -> list[Blob]:
     """
-    Split a blob into its parts by watershed on the distance to its outline, top to bottom.
+    Split a blob into the objects that only closing or weak evidence joins, top to bottom.
 
     Closing bridges the gaps between neighbours as it does those within an object. So the outline
     is where even the smaller window of `seen.sharp` shows less than `threshold_low`; what is not
-    `judged` (M, N) bool is no outline. Two parts stay one where the neck between them is wide, or
-    where one of them is too small or too weak for an object.
+    `judged` (M, N) bool is no outline. What is left may have grown together over weak evidence: it
+    is parted where that falls off, if there is a waist. Parts do not touch.
+    """
+    parts = _split(blob, seen, judged, config, 0.0)
+    finer = [one for part in parts for one in _parted_at_waist(part, seen, judged, config)]
+    return sorted(finer, key=lambda part: (part.y, part.x))
+
+
+def _parted_at_waist(
+    blob: Blob, seen: Seen, judged: np.ndarray, config: ChangeConfig
+) -> list[Blob]:
+    """
+    Split a blob where less than `threshold_high` joins parts that are more evident and rounder.
+
+    An object whose outline has no waist is one, however weak it shows inside.
+    """
+    whole = _hull_area(blob)
+    if blob.area >= WAIST * whole:  # then its parts fill the hull, too
+        return [blob]
+    parts = _split(blob, seen, judged, config, config.threshold_high)
+    if sum(_hull_area(part) for part in parts) >= WAIST * whole:
+        return [blob]
+    strength = seen.strength[blob.box]
+    between = blob.mask.copy()
+    for part in parts:
+        top, left = part.y - blob.y, part.x - blob.x
+        height, width = part.mask.shape
+        between[top : top + height, left : left + width] &= ~part.mask
+    weakest = min(float(np.median(seen.strength[part.box][part.mask])) for part in parts)
+    return parts if float(np.median(strength[between])) < VALLEY * weakest else [blob]
+
+
+def _split(
+    blob: Blob, seen: Seen, judged: np.ndarray, config: ChangeConfig, level: float
+) -> list[Blob]:
+    """
+    Split a blob by watershed on the distance to its outline, where evidence exceeds `level`.
+
+    Two parts stay one where the neck between them is wide, or where one of them is too small or
+    too weak for an object. A line of one pixel between parts belongs to none.
     """
     box = blob.box
-    shown = ((seen.sharp[box] > config.threshold_low) & blob.mask).astype(np.uint8)
-    shown = filled(cv2.morphologyEx(np.pad(shown, 1), cv2.MORPH_CLOSE, SPECKS)) > 0
+    shown = (seen.sharp[box] > config.threshold_low) & (seen.strength[box] > level) & blob.mask
+    closed = cv2.morphologyEx(np.pad(shown, 1).astype(np.uint8), cv2.MORPH_CLOSE, SPECKS)
     padded = np.pad(blob.mask, 1)
-    outline = np.pad(judged[box], 1, constant_values=True) & ~shown
+    outline = np.pad(judged[box], 1, constant_values=True) & (filled(closed) == 0)
     depth = cv2.distanceTransform((~outline).astype(np.uint8), cv2.DIST_L2, 5) * padded
     tops = peak_local_max(depth, min_distance=APART_PX, labels=padded.astype(np.uint8))
     if len(tops) < 2:
@@ -48,10 +89,23 @@ def parted(blob: Blob, seen: Seen, judged: np.ndarray, config: ChangeConfig) -> 
     inside = np.where(padded, np.pad(seen.strength[box], 1), np.float32(0.0))
     least = max(config.min_area * seen.strength.size, LEAST_SHARE * blob.area)
     owners = _joined(basins, depth, inside, least, config.threshold_high)
-    labels = owners[basins][1:-1, 1:-1]
+    labels = owners[basins]
     names = np.unique(labels[labels > 0])
-    parts = [_cropped(labels == name, blob) for name in names] if len(names) > 1 else [blob]
-    return sorted(parts, key=lambda part: (part.y, part.x))
+    if len(names) < 2:
+        return [blob]
+    # a pixel beside one with a lower name is on the line
+    first = cv2.erode(np.where(labels > 0, labels, len(owners)).astype(np.float32), BESIDE)
+    labels[first < labels] = 0
+    return [_cropped(labels[1:-1, 1:-1] == name, blob) for name in names]
+
+
+def _hull_area(blob: Blob) -> float:
+    """Pixels of the convex hull of a blob."""
+    outline = cv2.findNonZero(blob.mask.astype(np.uint8))
+    hull = cv2.convexHull(outline)
+    x, y, width, height = cv2.boundingRect(hull)
+    drawn = cv2.fillConvexPoly(np.zeros((y + height, x + width), np.uint8), hull, 1)
+    return float(np.count_nonzero(drawn))
 
 
 def _cropped(mask: np.ndarray, blob: Blob) -> Blob:

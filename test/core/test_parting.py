@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -47,10 +48,45 @@ def test_two_cars_side_by_side_are_two(gap):
     blob = blob_of(mask)
     parts = parted(blob, seen(on_frame(blob, cars)), JUDGED, CONFIG)
     assert len(parts) == 2
-    assert sum(part.area for part in parts) == blob.area
+    assert 38 <= blob.area - sum(part.area for part in parts) <= 44  # a line between them
     left, right = parts
     assert left.x + left.mask.shape[1] <= right.x + gap
     assert min(left.area, right.area) > 0.45 * blob.area
+
+
+def two_vehicles(between, side=8.0):
+    """Two vehicles, one further on, over a shadow that joins them; its evidence, and the blob."""
+    mask = np.zeros((64, 90), bool)
+    mask[:28, 30:] = mask[36:, :60] = mask[28:36, 34:56] = True
+    found = seen(on_frame(blob_of(mask), mask))
+    found.sharp[:] = np.where(found.sharp == HIGH, side, found.sharp)
+    found.sharp[108:116] = np.where(found.sharp[108:116] == side, between, found.sharp[108:116])
+    return blob_of(mask), SimpleNamespace(sharp=found.sharp, strength=found.sharp)
+
+
+def test_weak_evidence_at_a_waist_joins_no_two_vehicles():
+    blob, found = two_vehicles(between=3.5)
+    upper, lower = parted(blob, found, JUDGED, CONFIG)
+    assert upper.y == 80 and abs(upper.y + upper.mask.shape[0] - 112) < 4
+    assert lower.y + lower.mask.shape[0] == 144 and abs(lower.y - 112) < 4
+    drawn = np.zeros(SHAPE, np.uint8)
+    for part in (upper, lower):
+        drawn[part.box] |= part.mask
+    assert cv2.connectedComponents(drawn, connectivity=8)[0] == 3  # with the background
+
+
+@pytest.mark.parametrize(('between', 'side'), [(7.0, 8.0), (4.5, 5.5)])
+def test_a_waist_alone_parts_nothing(between, side):
+    blob, found = two_vehicles(between, side)
+    assert boxes(parted(blob, found, JUDGED, CONFIG)) == [(100, 80, 90, 64)]
+
+
+def test_a_roof_that_shows_weakly_in_the_middle_is_one():
+    mask = np.ones((40, 80), bool)
+    blob = blob_of(mask)
+    found = seen(on_frame(blob, mask))
+    found.strength[:, 136:144] = 3.0
+    assert len(parted(blob, found, JUDGED, CONFIG)) == 1
 
 
 def test_a_narrow_bridge_does_not_join_two():
