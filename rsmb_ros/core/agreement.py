@@ -78,8 +78,8 @@ def sharpness(
     Sharpness of a predicted image relative to the live one, about 1 where they fit.
 
     A wrong path with a long exposure smears the reference until little contradicts the live frame:
-    its agreement is high, its sharpness is not. Images are (M, N) float32, `judged` (M, N) bool: best
-    where they agree, because a new object has edges that only the live one shows. They are compared
+    its agreement is high, its sharpness is not. Images are (M, N) float32, `judged` (M, N) bool, at
+    best where they agree: a new object has edges that only the live one shows. They are compared
     at half size, where noise is no texture. Each is looked at by a thread.
     """
     half = (predicted.shape[1] // 2, predicted.shape[0] // 2)

