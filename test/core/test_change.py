@@ -101,8 +101,8 @@ def test_edges_of_a_new_object_do_not_make_the_ground_look_smeared(texture_of, e
     """A truck on asphalt: only the live frame has such edges."""
     image = 100.0 + 0.15 * texture_of(240, 320, 7).astype(np.float32)
     live, judged = image.copy(), np.ones(image.shape, bool)
-    truck = np.random.default_rng(9).uniform(20, 230, (10, 14)).astype(np.float32)
-    live[64:144, 96:208] = truck.repeat(8, axis=0).repeat(8, axis=1)
+    truck = np.random.default_rng(9).uniform(20, 230, (20, 28)).astype(np.float32)
+    live[64:144, 96:208] = truck.repeat(4, axis=0).repeat(4, axis=1)
     assert sharpness(image, live, judged, executor) < 0.6
     found = agreement(image, live, judged)
     assert 0.6 < found.share < 0.95
