@@ -8,7 +8,7 @@ OUT ?= out
 TESTS ?= test
 # Real photos and a video for the suites that need them; without them the others are run.
 DATA ?= ../shared/data
-SUITES := quick planar layered regimes far light weak-texture big-change nochange authors
+SUITES := quick planar layered regimes far light tones weak-texture big-change nochange authors
 REAL := $(if $(wildcard $(DATA)/aerial),photos video --data $(DATA))
 
 # The environment is an ament prefix; a ROS that the shell has sourced must not mix with its wheels.

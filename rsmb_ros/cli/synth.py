@@ -50,6 +50,8 @@ RANGES = {
     'read_noise': (0.0, 50.0),
     'mosaic': (0, 1),
     'gamma': (1.0, 3.0),
+    'contrast': (-1.0, 1.0),
+    'warmth': (-0.5, 0.5),
     'sharpening': (0.0, 5.0),
     'jpeg_quality': (0, 100),
     'distortion': (-0.05, 0.05),

@@ -13,14 +13,22 @@ from rsmb_ros.core.motion import Grid, coordinates_from_poses, homographies
 from rsmb_ros.core.synthesis import live_frame, reference_image
 from rsmb_ros.core.synthesis.exposure import row_instants
 from rsmb_ros.evaluation.suites import SUITES, Wish, real, recipe
-from rsmb_ros.evaluation.suites.nuisances import ALL, LINEAR, NONE, STRONG_LIGHT, described, drawn
+from rsmb_ros.evaluation.suites.nuisances import (
+    ALL,
+    LINEAR,
+    NONE,
+    OTHER_TONES,
+    STRONG_LIGHT,
+    described,
+    drawn,
+)
 from rsmb_ros.evaluation.suites.real import MIN_VEHICLE, RIM_PX, vehicles
 from rsmb_ros.evaluation.suites.recipe import REGIMES, Recipe, fly, margin_of
 from rsmb_ros.evaluation.suites.suite import seeded
 
 SMALL = (240, 320)  # rows, cols
 NAMES = (
-    'quick planar layered regimes far light weak-texture big-change nochange authors photos video'
+    'quick planar layered regimes far light tones weak-texture big-change nochange authors photos video'
 )
 
 
@@ -160,7 +168,11 @@ def test_weak_texture_has_little_of_it():
 # -- nuisances -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize('ranges', [ALL, STRONG_LIGHT, LINEAR], ids=['all', 'light', 'linear'])
+@pytest.mark.parametrize(
+    'ranges',
+    [ALL, STRONG_LIGHT, OTHER_TONES, LINEAR],
+    ids=['all', 'light', 'tones', 'linear'],
+)
 def test_nuisances_stay_in_range_and_are_as_frequent_as_said(ranges):
     count = 400
     rng = np.random.default_rng(20170301)
@@ -176,7 +188,7 @@ def test_nuisances_stay_in_range_and_are_as_frequent_as_said(ranges):
 
 
 def test_description_names_every_nuisance():
-    for ranges in (ALL, STRONG_LIGHT):
+    for ranges in (ALL, STRONG_LIGHT, OTHER_TONES):
         text = described(ranges)
         assert all(name in text for name in ranges)
         assert 'overexposure 1.1 to 1.6 in 25%' in described(ALL)

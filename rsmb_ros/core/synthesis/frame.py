@@ -13,7 +13,7 @@ from rsmb_ros.core.shutter import ShutterTiming
 from .exposure import THREADS, Exposure, Path, expose, row_centroids
 from .paths import still
 from .scene import Scene, Sheet
-from .sensor import Nuisances, develop
+from .sensor import Nuisances, develop, in_tones
 
 # Truth labels of CDnet.
 CHANGED, UNCHANGED, RIM, OUTSIDE = 255, 0, 170, 85
@@ -116,7 +116,7 @@ def live_frame(
         threads=threads,
     )
     label, numbers, names = _labels(objects, seen)
-    clean = nuisances.light.apply(seen.before, nuisances.gamma)
+    clean = in_tones(nuisances.light.apply(seen.before, nuisances.gamma), nuisances)
     layers = seen.cover[1 + len(objects) :]
     reach = int(np.ceil(0.5 * timing.exposure_rows))
     front = (layers >= 0.5) * np.arange(1, len(layers) + 1)[:, None, None]

@@ -26,6 +26,8 @@ class Nuisances:
     read_noise: float = 0.0  # standard deviation [grey levels of linear light]; both
     mosaic: bool = False  # one colour a pixel (RGGB), demosaiced; colour images, both
     gamma: float = 2.2  # tone curve: display = light^(1/gamma); both
+    contrast: float = 0.0  # share of an S-curve in the live picture; below 0 it is flatter
+    warmth: float = 0.0  # red is lighter, blue darker by this share in the live picture
     sharpening: float = 0.0  # share of the unsharp mask that is added; both
     jpeg_quality: int = 0  # 1..100, 0: none; both
     distortion: float = 0.0  # radial, left over: places at half width move by this share; both
@@ -33,7 +35,9 @@ class Nuisances:
     @property
     def of_reference(self) -> Nuisances:
         """What the reference has of it."""
-        return replace(self, gain=1.0, bias=0.0, vignetting=0.0, defocus_px=0.0)
+        return replace(
+            self, gain=1.0, bias=0.0, vignetting=0.0, defocus_px=0.0, contrast=0.0, warmth=0.0
+        )
 
     def as_dict(self) -> dict[str, float | None]:
         """Return all values by name; None for infinitely many electrons, no Poisson noise."""
@@ -86,13 +90,24 @@ def develop(light: np.ndarray, nuisances: Nuisances, rng: np.random.Generator) -
     if mosaic:
         raw = np.rint(image[..., 0] * _FULL).astype(np.uint16)
         image = cv2.cvtColor(raw, cv2.COLOR_BayerRGGB2BGR_EA).astype(float) / _FULL
-    display = to_display(image, nuisances.gamma)
+    display = in_tones(to_display(image, nuisances.gamma), nuisances)
     if nuisances.sharpening > 0:
         soft = cv2.GaussianBlur(display, (0, 0), _SHARPENING_SIGMA).reshape(display.shape)
         display = np.clip(display + nuisances.sharpening * (display - soft), 0, 255)
     out = np.rint(display).astype(np.uint8)
     out = out if light.shape[2] == 3 else out[..., 0]
     return _compressed(out, nuisances.jpeg_quality) if nuisances.jpeg_quality else out
+
+
+def in_tones(display: np.ndarray, nuisances: Nuisances) -> np.ndarray:
+    """Return display values (M, N, C) in the tones that a camera's settings make of them."""
+    if nuisances.contrast:
+        share = display / 255.0
+        curve = 255.0 * share * share * (3.0 - 2.0 * share)
+        display = display + nuisances.contrast * (curve - display)
+    if nuisances.warmth and display.shape[2] == 3:
+        display = display * (1.0 + nuisances.warmth * np.array([-1.0, 0.0, 1.0]))
+    return np.clip(display, 0.0, 255.0)
 
 
 def _through_filters(image: np.ndarray) -> np.ndarray:

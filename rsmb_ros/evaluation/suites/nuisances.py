@@ -43,6 +43,8 @@ STRONG_LIGHT = {
     'vignetting': Range(1.0, 0.1, 0.4),
     'overexposure': Range(0.5, 1.2, 2.0),
 }
+# Another camera, or other settings, than the reference's.
+OTHER_TONES = {**ALL, 'contrast': Range(0.8, -0.6, 0.8), 'warmth': Range(0.5, -0.2, 0.2)}
 
 _KINDS: dict[str, type] = {item.name: type(item.default) for item in fields(Nuisances)}
 

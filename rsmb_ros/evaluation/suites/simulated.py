@@ -8,7 +8,7 @@ import numpy as np
 
 from rsmb_ros.core.synthesis import Style
 
-from .nuisances import LINEAR, STRONG_LIGHT
+from .nuisances import LINEAR, OTHER_TONES, STRONG_LIGHT
 from .recipe import Recipe
 from .suite import Suite, drawn_suite
 
@@ -103,6 +103,12 @@ SIMULATED: tuple[Suite, ...] = (
             Recipe(nuisances=STRONG_LIGHT, moving_shadows=1),
             quiet(Recipe(nuisances=STRONG_LIGHT, moving_shadows=2)),
         ),
+    ),
+    drawn_suite(
+        'tones',
+        'contrast and white balance of another camera; half of the cases unchanged',
+        16,
+        (Recipe(nuisances=OTHER_TONES), quiet(Recipe(style=HOUSES, nuisances=OTHER_TONES))),
     ),
     drawn_suite(
         'weak-texture',

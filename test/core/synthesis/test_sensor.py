@@ -92,6 +92,25 @@ def test_gamma_is_the_tone_curve():
     assert abs(image[0, 0] - 255 * (64 / 255) ** (1 / 2.2)) <= 0.5
 
 
+def test_contrast_bends_the_picture_and_keeps_its_ends():
+    values = np.array([0, 40, 127.5, 220, 255])
+    light = np.repeat(values[:, None, None], 64, axis=1)
+    more, less = (developed(light, contrast=c)[:, 0] for c in (0.8, -0.6))
+    assert more[0] == less[0] == 0
+    assert more[-1] == less[-1] == 255
+    assert more[1] < 40 - 10
+    assert less[1] > 40 + 8
+    assert more[3] > 220 + 8
+    assert less[3] < 220 - 6
+    assert abs(more[2] - 127.5) <= 1
+
+
+def test_warmth_trades_blue_for_red():
+    image = developed(np.full((*SHAPE, 3), 100.0), warmth=0.1)
+    np.testing.assert_array_equal(image[0, 0], [90, 100, 110])
+    np.testing.assert_array_equal(developed(flat(100), warmth=0.1), developed(flat(100)))
+
+
 def test_noise_is_added_to_light_and_so_larger_in_the_dark():
     dark, bright = (developed(flat(v), gamma=2.2, read_noise=1.0).std() for v in (15, 200))
     assert dark > 2 * bright
@@ -117,7 +136,7 @@ def test_jpeg_is_what_the_codec_makes():
 
 
 def test_reference_has_the_camera_but_not_the_difference_of_light():
-    given = Nuisances(1.2, 3.0, 0.2, 1.1, 0.5, 5000, 0.4, True, 2.0, 0.3, 90, 0.01)
+    given = Nuisances(1.2, 3.0, 0.2, 1.1, 0.5, 5000, 0.4, True, 2.0, 0.5, 0.1, 0.3, 90, 0.01)
     reference = given.of_reference
     assert (reference.gain, reference.bias, reference.vignetting, reference.defocus_px) == (
         1,
@@ -125,6 +144,7 @@ def test_reference_has_the_camera_but_not_the_difference_of_light():
         0,
         0,
     )
+    assert (reference.contrast, reference.warmth) == (0, 0)
     assert (reference.noise_electrons, reference.jpeg_quality) == (5000, 90)
     assert (reference.overexposure, reference.distortion) == (1.1, 0.01)
 
