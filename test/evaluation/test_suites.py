@@ -28,7 +28,8 @@ from rsmb_ros.evaluation.suites.suite import seeded
 
 SMALL = (240, 320)  # rows, cols
 NAMES = (
-    'quick planar layered regimes far light tones weak-texture big-change nochange authors photos video'
+    'quick planar layered regimes far light tones weak-texture big-change nochange authors photos '
+    'video'
 )
 
 
