@@ -8,7 +8,7 @@ bounded: pictures of some dozen frames and places, and a line of numbers for eve
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
@@ -93,6 +93,7 @@ class FlightReport:
         result : Result
 
         """
+        result = _as_stored(result)
         record = record_of(index, time_ns, result)
         self.records.append(record)
         sheet = self._sheet_of(reference)
@@ -189,3 +190,12 @@ def _corners(region: Region, ground: Ground) -> np.ndarray:
     right, bottom = region.x + region.width - 1, region.y + region.height - 1
     corners = [(region.x, region.y), (right, region.y), (region.x, bottom), (right, bottom)]
     return ground.on_reference(np.array(corners, np.float64))
+
+
+def _as_stored(result: Result) -> Result:
+    """Return a result as its messages keep it: a page made of stored ones is the same."""
+    rows = {
+        name: getattr(result, name).astype(np.float32).astype(np.float64)
+        for name in ('row_motion', 'row_uncertainty')
+    }
+    return replace(result, **rows)

@@ -114,6 +114,7 @@ class Misfitting(RegisteredFrame):
     """A frame without layers."""
 
     path = row_motion = row_uncertainty = exposure_rows = gain = render = registered = None
+    _executor, _in_front = None, {}
     predicted, grey = np.zeros((2, 4, 5), np.float32)
 
     class _hidden:  # noqa: N801 - as it is called there
