@@ -23,7 +23,7 @@ from .entropy import entropy_candidates
 from .evidence import EVIDENCE_WINDOW, OUTLINE_WINDOW, NoiseTable, Texture, box_rms
 from .frame import RegisteredFrame
 from .layers import Layer
-from .motion import moved_px
+from .motion import CameraPath, moved_px
 from .path_stage import PathStage
 from .refused import Refused
 from .row_frame import RowStage
@@ -36,6 +36,7 @@ LARGE_MISFIT = 0.02
 REFITS = 3  # at most: where much of a frame is no ground, one is not enough
 LAST_LOOKS = 2  # at most, for static objects that only show when others are explained
 STILL = 0.25  # px; a fit that has moved no row further needs no other
+SAME = 0.9  # of what two fits were to leave out, over which they leave out the same
 STATIC_COST = 0.3  # of a pixel that another depth explains against one that nothing does
 LOST = 3.0  # px, standard deviation of the place of a row that is not judged
 OUTLINED = 3.0  # times weaker than colour is brightness where colour draws the outline
@@ -105,35 +106,50 @@ class ChangeFinder:
         """Return what is in a frame; its path may be fitted again by its `stage`."""
         refused = Refused()
         finding = self._settled(stage, frame, clock, refused)
+        assert finding is not None  # nothing was tried before
         if finding.doubtful.any():
+            tried = finding.frame.path
             with clock.step('other way'):
                 # perhaps what fits in these rows is not the ground
                 ground = finding.doubtful[:, None] & (finding.seen.mask == 0)
                 other = stage.refined(finding.frame, ground)
-            if other is not finding.frame:
-                rival = self._settled(stage, other, clock, refused)
-                finding = min(finding, rival, key=lambda one: one.not_ground)
+            if moved_px(tried, other.path) >= STILL:
+                rival = self._settled(stage, other, clock, refused, tried)
+                finding = min(filter(None, (finding, rival)), key=lambda one: one.not_ground)
         return finding
 
     def _settled(
-        self, stage: PathStage | RowStage, frame: RegisteredFrame, clock: Clock, refused: Refused
-    ) -> Finding:
-        """Find static objects and fit again without them until the path stands."""
+        self,
+        stage: PathStage | RowStage,
+        frame: RegisteredFrame,
+        clock: Clock,
+        refused: Refused,
+        tried: CameraPath | None = None,
+    ) -> Finding | None:
+        """
+        Find static objects and fit again without them until the path stands.
+
+        None where that leads to a path that was `tried` before.
+        """
         with clock.step('change'):
             self._match_tones(frame)
             seen = self._evidence(frame)
         layers: list[Layer] = []
         known: list[Layer] = []  # at the last search
+        left_out = np.zeros(seen.mask.shape, bool)  # of the last fit
         if self._config.layers.enabled and seen.mask.any():
             with clock.step('layers'):
                 layers = self._layers(frame, seen, refused)
         for _ in range(REFITS):
             foreground = self._foreground(frame, seen, layers)
-            if not foreground.any():
+            if not foreground.any() or _overlap(foreground, left_out) > SAME:
                 break
+            left_out = foreground
             # what is known not to be ground must not have bent the path
             with clock.step('refine'):
                 before, frame = frame, stage.refined(frame, foreground)
+                if tried and moved_px(tried, frame.path) < STILL:
+                    return None
                 self._match_tones(frame)
                 still = moved_px(before.path, frame.path) < STILL
                 if still:
@@ -239,6 +255,11 @@ def _standing_out(frame: RegisteredFrame, seen: Seen, known: Sequence[Layer]) ->
     for layer in known:
         marked[layer.blob.box] |= layer.blob.mask
     return marked
+
+
+def _overlap(one: np.ndarray, other: np.ndarray) -> float:
+    """Return how much of two masks (M, N) bool is in both, 0..1."""
+    return float(np.count_nonzero(one & other) / max(1, np.count_nonzero(one | other)))
 
 
 def _doubtful_rows(unexplained: np.ndarray) -> np.ndarray:
