@@ -33,7 +33,7 @@ COLD_EXPOSURES = (3.0, 12.0, 36.0, 90.0, 200.0)  # rows, tried when nothing is k
 TRIAL = 4  # iterations each of them gets at half size
 TRIAL_ROWS = 60  # of points, that are enough to tell exposures apart
 FINALISTS = 2  # of them that are fitted until they stand
-LITTLE = 0.1  # share of LITTLE_ROWS rows, under which foreground has bent the path by little
+LITTLE = 0.15  # share of LITTLE_ROWS rows, under which foreground has bent the path by little
 LITTLE_SHAKING = 0.4  # likewise of a path on denser knots, which small images do not hold
 LITTLE_ROWS = 25
 FOLLOWING_LEVELS = 2  # finest, that the next frame of a stream is fitted at
@@ -106,7 +106,7 @@ class PathEstimator:
         shaking = fit.path.knot_rows < self._config.registration.knot_rows
         # what covers little of every row has not led the path far off, but an exposure may be
         little = _most_of_a_row(foreground) < (
-            LITTLE_SHAKING if shaking else LITTLE if fit.exposure_held else 0.0
+            LITTLE_SHAKING if shaking else LITTLE
         )
         count = 1 if little else min(2, len(self._levels))
         masks = pyramid(foreground.astype(np.float32), count)
