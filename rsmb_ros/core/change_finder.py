@@ -129,7 +129,7 @@ class ChangeFinder:
         """
         Find static objects and fit again without them until the path stands.
 
-        None where that leads to a path that was `tried` before.
+        None where that leads to a path that was `tried` before, and to no static object.
         """
         with clock.step('change'):
             self._match_tones(frame)
@@ -148,7 +148,7 @@ class ChangeFinder:
             # what is known not to be ground must not have bent the path
             with clock.step('refine'):
                 before, frame = frame, stage.refined(frame, foreground)
-                if tried and moved_px(tried, frame.path) < STILL:
+                if tried and not layers and moved_px(tried, frame.path) < STILL:
                     return None
                 self._match_tones(frame)
                 still = moved_px(before.path, frame.path) < STILL
