@@ -36,8 +36,10 @@ LARGE_MISFIT = 0.02
 REFITS = 3  # at most: where much of a frame is no ground, one is not enough
 LAST_LOOKS = 2  # at most, for static objects that only show when others are explained
 STILL = 0.25  # px; a fit that has moved no row further needs no other
+NEAR = 0.5  # px; a fit that has moved no row further is not repeated without ...
 SAME = 0.9  # of what two fits were to leave out, over which they leave out the same
 STATIC_COST = 0.3  # of a pixel that another depth explains against one that nothing does
+AS_MUCH = 0.98  # of what one path sees of the reference another must see
 LOST = 3.0  # px, standard deviation of the place of a row that is not judged
 OUTLINED = 3.0  # times weaker than colour is brightness where colour draws the outline
 DOUBT = 0.15  # share of a row left unexplained, over DOUBT_ROWS rows: the path may be another's
@@ -94,6 +96,12 @@ class Finding:
         static = sum(layer.blob.area for layer in self.layers) / self.seen.mask.size
         return STATIC_COST * static + float((self.seen.mask * self.frame.judged).mean())
 
+    def better_than(self, other: Finding) -> bool:
+        """Whether more of the frame is ground, not for want of a reference to compare it with."""
+        if self.frame.complete.mean() < AS_MUCH * other.frame.complete.mean():
+            return False
+        return self.not_ground < other.not_ground
+
 
 class ChangeFinder:
     """Decides what in a registered frame is new, and what was there at another depth."""
@@ -115,7 +123,8 @@ class ChangeFinder:
                 other = stage.refined(finding.frame, ground)
             if moved_px(tried, other.path) >= STILL:
                 rival = self._settled(stage, other, clock, refused, tried)
-                finding = min(filter(None, (finding, rival)), key=lambda one: one.not_ground)
+                if rival is not None and rival.better_than(finding):
+                    finding = rival
         return finding
 
     def _settled(
@@ -136,13 +145,15 @@ class ChangeFinder:
             seen = self._evidence(frame)
         layers: list[Layer] = []
         known: list[Layer] = []  # at the last search
-        left_out = np.zeros(seen.mask.shape, bool)  # of the last fit
+        left_out, moved = np.zeros(seen.mask.shape, bool), np.inf  # by the last fit
         if self._config.layers.enabled and seen.mask.any():
             with clock.step('layers'):
                 layers = self._layers(frame, seen, refused)
         for _ in range(REFITS):
             foreground = self._foreground(frame, seen, layers)
-            if not foreground.any() or _overlap(foreground, left_out) > SAME:
+            if not foreground.any():
+                break
+            if moved < NEAR and _overlap(foreground, left_out) > SAME:
                 break
             left_out = foreground
             # what is known not to be ground must not have bent the path
@@ -151,11 +162,11 @@ class ChangeFinder:
                 if tried and not layers and moved_px(tried, frame.path) < STILL:
                     return None
                 self._match_tones(frame)
-                still = moved_px(before.path, frame.path) < STILL
-                if still:
+                moved = moved_px(before.path, frame.path)
+                if moved < STILL:
                     frame.put_in_front(layers)
                 seen = self._evidence(frame)
-            if still:  # and so are the static objects
+            if moved < STILL:  # and so are the static objects
                 break
             if self._config.layers.enabled:
                 with clock.step('layers again'):

@@ -9,6 +9,7 @@ import numpy as np
 from .change_finder import Finding
 from .config import ChangeConfig
 from .depth_rims import depth_rims
+from .misplaced import misplaced
 from .parting import parted
 from .regions import change_region, in_shade
 from .segmentation import Blob, blobs, drawn, tightened, without_small, without_thin, without_weak
@@ -30,8 +31,8 @@ def changes_of(finding: Finding, config: ChangeConfig) -> list[Change]:
 
     What is left of a candidate when static objects, unknown pixels and the width of the evidence's
     window are cut away must still be large enough and reach `threshold_high` by itself. Rims of
-    static objects are no changes: they are marked as not judged. Parts of one region that hardly
-    hang together are changes of their own.
+    static objects are no changes, nor is what only lies a little off: they are marked as not judged.
+    Parts of one region that hardly hang together are changes of their own.
     """
     frame, seen = finding.frame, finding.seen
     mask = without_small(without_thin(seen.mask * frame.judged), config)
@@ -49,10 +50,13 @@ def changes_of(finding: Finding, config: ChangeConfig) -> list[Change]:
         region = change_region(blob, seen.strength, frame.judged)
         if region.score < config.min_score:
             continue
-        if not shadow_like(blob, finding, config.threshold_high):
+        if shadow_like(blob, finding, config.threshold_high):
+            if config.shadows == 'report':
+                changes.append(Change(blob, in_shade(region)))
+        elif misplaced(blob, frame):
+            frame.judged[blob.box] &= ~blob.mask
+        else:
             changes.append(Change(blob, region))
-        elif config.shadows == 'report':
-            changes.append(Change(blob, in_shade(region)))
     return changes
 
 

@@ -105,9 +105,7 @@ class PathEstimator:
         """
         shaking = fit.path.knot_rows < self._config.registration.knot_rows
         # what covers little of every row has not led the path far off, but an exposure may be
-        little = _most_of_a_row(foreground) < (
-            LITTLE_SHAKING if shaking else LITTLE
-        )
+        little = _most_of_a_row(foreground) < (LITTLE_SHAKING if shaking else LITTLE)
         count = 1 if little else min(2, len(self._levels))
         masks = pyramid(foreground.astype(np.float32), count)
         points = [

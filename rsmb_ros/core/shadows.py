@@ -65,7 +65,8 @@ def shadow_like(blob: Blob, finding: Finding, most: float) -> bool:
     if not _alike(before[core], after[core], factor):
         return False
     left = ((after - factors * before) / _sigma(finding, box)) ** 2
-    evidence = np.sqrt(levelled(np.minimum(left, np.float32(MAX_Z2)))[core])
+    # sums that a blur keeps as it goes end a little below 0 where there is nothing
+    evidence = np.sqrt(np.maximum(levelled(np.minimum(left, np.float32(MAX_Z2)))[core], 0.0))
     return float(evidence.max()) < most and _one_colour(frame, box, core)
 
 
