@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache, cached_property
 
 import cv2
 import numpy as np
@@ -69,6 +70,11 @@ class DepthSearch:
         """Path of the camera."""
         return self.frame.path
 
+    @cached_property
+    def _row_coordinates(self) -> np.ndarray:
+        """Path coordinates in the middle of each row's exposure (M, 6), see `CameraPath`."""
+        return self.path.coordinates(self.path.row_times)
+
     def explain(self, blob: Blob, known: Sequence[Layer] = ()) -> Layer | None:
         """
         Return the layer that explains `blob`, None when it is a change.
@@ -116,8 +122,13 @@ class DepthSearch:
         depth = best.depth
         parallax = reach * abs(1.0 / depth - 1.0)
         layer, share = None, 0.0
+
+        @cache  # what is judged at a depth is where a shift from there begins
+        def shown(depth: float, shift: tuple[float, float] = NO_SHIFT) -> Shown:
+            return self.frame.render(depth, window, shift)
+
         if best.energy < MAX_ENERGY_RATIO * best.background:
-            layer, share = self._judged(depth, NO_SHIFT, window, mask, core)
+            layer, share = self._judged(shown(depth), depth, NO_SHIFT, window, mask, core)
             if share > SURE_SHARE:
                 return layer
         if parallax < MIN_PARALLAX:
@@ -129,23 +140,29 @@ class DepthSearch:
         if parallax < MIN_PARALLAX:
             del starts[0]  # the same as the other
         for start, limit in starts:
-            shift = self._shift(start, window, mask, limit)
+            shift = self._shift(shown(start), window, mask, limit)
             if shift is not None:
-                other, more = self._judged(start, shift, window, mask, core)
+                own = shown(start, shift)
+                other, more = self._judged(own, start, shift, window, mask, core)
                 if more > max(share, SURE_SHARE):
                     layer, share = other, more
         return layer
 
     def _judged(
         self,
+        own: Shown,
         depth: float,
         shift: tuple[float, float],
         window: Window,
         mask: np.ndarray,
         core: float,
     ) -> tuple[Layer | None, float]:
-        """Return the layer if the object may be taken for one, and the share explained."""
-        z, own = self._normalised(depth, window, shift)
+        """
+        Return the layer if the object may be taken for one, and the share explained.
+
+        `own` is what a window shows at `depth` and `shift`.
+        """
+        z = self._normalised(own, window)
         alike = _correlation(own.grey[mask], self.live[window.box][mask])
         misfit = _misfit(z[mask]) if alike > ALIKE else 1.0
         z /= np.float32(misfit)
@@ -191,14 +208,14 @@ class DepthSearch:
         return False
 
     def _shift(
-        self, depth: float, window: Window, mask: np.ndarray, limit: float
+        self, own: Shown, window: Window, mask: np.ndarray, limit: float
     ) -> tuple[float, float] | None:
         """
-        Return how far the object lies from where `depth` puts it, by ECC [px].
+        Return how far the object lies from where a depth, that shows `own`, puts it, by ECC [px].
 
         None where that does not converge, or beyond `limit` px.
         """
-        predicted, live = self.frame.render(depth, window).grey, self.live[window.box]
+        predicted, live = own.grey, self.live[window.box]
         smooth = [cv2.GaussianBlur(image, (SMOOTHING,) * 2, 0)[mask] for image in (predicted, live)]
         if _correlation(*smooth) < UNLIKE:
             return None
@@ -218,7 +235,8 @@ class DepthSearch:
         if not _touch(*(padded(one, self.live.shape, PAD) for one in (blob, layer.blob))):
             return None
         window, mask = self._windowed(blob)
-        z, _ = self._normalised(layer.place.relative_depth, window, layer.place.shift)
+        own = self.frame.render(layer.place.relative_depth, window, layer.place.shift)
+        z = self._normalised(own, window)
         z /= np.float32(layer.place.misfit)
         share = float(_explained(z, mask)[mask].mean())
         if share <= SURE_SHARE:
@@ -254,19 +272,16 @@ class DepthSearch:
         sure = own & (counterpart > 0.5)
         return Layer(Blob(own, window.left, window.top), sure, place, share)
 
-    def _normalised(
-        self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT
-    ) -> tuple[np.ndarray, Shown]:
-        """Return the normalised residual of a window, and what a place shows in it."""
-        own = self.frame.render(depth, window, shift)
+    def _normalised(self, own: Shown, window: Window) -> np.ndarray:
+        """Return the normalised residual of a window, of which `own` is shown."""
         z = (self.live[window.box] - own.grey) / self.noise(Texture.of(own.grey))
         z[~own.complete] = UNSEEN_Z
-        return z, own
+        return z
 
     def _displacement(self, blob: Blob) -> tuple[float, float]:
         """How far 1 in 1/d moves the middle of an object: x, y [px]."""
         height, width = blob.mask.shape
-        q = self.path.coordinates(self.path.row_times[[blob.y + height // 2]])[0]
+        q = self._row_coordinates[blob.y + height // 2]
         x = blob.x + width / 2 - self.path.grid.center[0]
         y = blob.y + height / 2 - self.path.grid.center[1]
         zoom = q[3] / self.path.grid.half_width

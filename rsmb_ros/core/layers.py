@@ -157,7 +157,7 @@ class _Cover:
 
 def _cover_in_reference(pieces: Sequence[Layer], place: Place, path: CameraPath) -> _Cover:
     """Draw the pieces at one place on the reference's grid, sure and perhaps."""
-    coordinates = path.row_centroids().copy()
+    coordinates = path.row_centroids()
     coordinates[:, :2] += place.relative_depth * np.asarray(place.shift)
     gaps = max(3, round(GAP * path.grid.reference_shape[1]))
     continued = [_continued(piece, path.grid.live_shape, gaps) for piece in pieces]
@@ -196,6 +196,8 @@ def _continued(piece: Layer, shape: tuple[int, int], gaps: int) -> tuple[np.ndar
         (blob.x, shape[1] - blob.x - blob.mask.shape[1]),
     ]
     further = [tuple(gaps if gap < NEAR_EDGE else 0 for gap in pair) for pair in edges]
+    if not any(map(any, further)):
+        return piece.sure, blob
     perhaps = np.pad(blob.mask, further, mode='edge')
     (above, _), (before, _) = further
     return np.pad(piece.sure, further), Blob(perhaps, blob.x - before, blob.y - above)
@@ -211,8 +213,9 @@ def _reach(blob: Blob, mapping: np.ndarray, grid: Grid) -> np.ndarray:
         line[:, :1] * x + (line[:, 1] * y + line[:, 2])[:, None]
         for line in np.moveaxis(mapping, 1, 0)
     )
-    places = np.stack([u / w, v / w], axis=-1).reshape(-1, 2) + center[2:]
-    return np.rint([places.min(axis=0), places.max(axis=0)]).astype(np.int64)
+    u, v = u / w, v / w
+    corners = np.array([[u.min(), v.min()], [u.max(), v.max()]]) + center[2:]
+    return np.rint(corners).astype(np.int64)
 
 
 def _seen(

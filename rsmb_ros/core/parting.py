@@ -76,19 +76,23 @@ def _split(
     """
     box = blob.box
     shown = (seen.sharp[box] > config.threshold_low) & (seen.strength[box] > level) & blob.mask
-    closed = cv2.morphologyEx(np.pad(shown, 1).astype(np.uint8), cv2.MORPH_CLOSE, SPECKS)
-    padded = np.pad(blob.mask, 1)
-    outline = np.pad(judged[box], 1, constant_values=True) & (filled(closed) == 0)
-    depth = cv2.distanceTransform((~outline).astype(np.uint8), cv2.DIST_L2, 5) * padded
-    tops = peak_local_max(depth, min_distance=APART_PX, labels=padded.astype(np.uint8))
+    closed = cv2.morphologyEx(_padded(shown), cv2.MORPH_CLOSE, SPECKS)
+    asked = _padded(judged[box], 1)
+    depth = cv2.distanceTransform(1 - asked * (1 - filled(closed)), cv2.DIST_L2, 5)
+    inside = _padded(blob.mask)
+    depth *= inside
+    if not _has_neck(depth):
+        return [blob]
+    padded = inside > 0
+    tops = peak_local_max(depth, min_distance=APART_PX, labels=inside)
     if len(tops) < 2:
         return [blob]
     markers = np.zeros(padded.shape, np.int32)
     markers[tuple(tops.T)] = np.arange(1, len(tops) + 1)
     basins = watershed(-depth, markers, connectivity=2, mask=padded)
-    inside = np.where(padded, np.pad(seen.strength[box], 1), np.float32(0.0))
+    strength = np.where(padded, np.pad(seen.strength[box], 1), np.float32(0.0))
     least = max(config.min_area * seen.strength.size, LEAST_SHARE * blob.area)
-    owners = _joined(basins, depth, inside, least, config.threshold_high)
+    owners = _joined(basins, depth, strength, least, config.threshold_high)
     labels = owners[basins]
     names = np.unique(labels[labels > 0])
     if len(names) < 2:
@@ -99,10 +103,38 @@ def _split(
     return [_cropped(labels[1:-1, 1:-1] == name, blob) for name in names]
 
 
+def _padded(mask: np.ndarray, value: int = 0) -> np.ndarray:
+    """Return a mask (M, N) bool with a rim of `value`, (M + 2, N + 2) uint8 0/1."""
+    rim = (1, 1, 1, 1)
+    return cv2.copyMakeBorder(mask.astype(np.uint8), *rim, cv2.BORDER_CONSTANT, value=value)
+
+
+def _has_neck(depth: np.ndarray) -> bool:
+    """
+    Say whether a neck may part the distances to an outline (M, N) float32 [px], before a watershed.
+
+    Of two parts, the smaller one w wide, no path of more than NECK w px from the outline joins the
+    peaks: where such are apart, so are two regions of the distances that are at least t >= NECK w.
+    It is looked for at t = 1, 2, 4...: smaller distances than 1 are 0.
+    """
+    peak, neck, least = float(depth.max()), 1.0, 0.0
+    while least < peak:  # parts of a width in (least, neck / NECK]
+        _, regions = cv2.connectedComponents((depth >= neck).view(np.uint8), connectivity=8)
+        wide = regions[depth > least]
+        if (wide != wide[0]).any():
+            return True
+        least, neck = neck / NECK, 2.0 * neck
+    return False
+
+
 def _hull_area(blob: Blob) -> float:
     """Pixels of the convex hull of a blob."""
-    outline = cv2.findNonZero(blob.mask.astype(np.uint8))
-    hull = cv2.convexHull(outline)
+    # no pixel but the first and last of a row is a corner of it
+    rows = np.flatnonzero(blob.mask.any(axis=1))
+    mask = blob.mask[rows]
+    ends = mask.argmax(axis=1), mask.shape[1] - 1 - mask[:, ::-1].argmax(axis=1)
+    corners = np.stack([np.concatenate(ends), np.tile(rows, 2)], axis=1).astype(np.int32)
+    hull = cv2.convexHull(corners)
     x, y, width, height = cv2.boundingRect(hull)
     drawn = cv2.fillConvexPoly(np.zeros((y + height, x + width), np.uint8), hull, 1)
     return float(np.count_nonzero(drawn))

@@ -8,9 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
+from rsmb_ros.core import parting
 from rsmb_ros.core.config import ChangeConfig
 from rsmb_ros.core.parting import parted
-from rsmb_ros.core.segmentation import Blob
+from rsmb_ros.core.segmentation import Blob, blobs
 
 SHAPE = (240, 320)
 CONFIG = ChangeConfig()
@@ -136,3 +137,29 @@ def test_what_would_be_no_object_of_its_own_stays():
     assert len(parted(blob_of(mask), weak, JUDGED, CONFIG)) == 1
     large = ChangeConfig(min_area=500 / (SHAPE[0] * SHAPE[1]))
     assert len(parted(blob_of(mask), found, JUDGED, large)) == 1
+
+
+def touching_shapes(rng):
+    """Some discs and boxes that touch, their gaps closed, cut by lines where nothing shows."""
+    drawn = np.zeros((160, 160), np.uint8)
+    for x, y, size, other in rng.integers((20, 20, 6, 6), (130, 130, 30, 30), (5, 4)).tolist():
+        cv2.ellipse(drawn, (x, y), (size, other), 0, 0, 360, 1, -1)
+        cv2.rectangle(drawn, (y, x), (y + size, x + other), 1, -1)
+    shown = drawn.copy()
+    for x, y, u, v in rng.integers(0, 160, (4, 4)).tolist():
+        cv2.line(shown, (x, y), (u, v), 0, 2)
+    return cv2.morphologyEx(drawn, cv2.MORPH_CLOSE, np.ones((9, 9), np.uint8)), shown
+
+
+def test_what_has_no_neck_is_whole_after_a_watershed_too(monkeypatch):
+    whole = several = 0
+    for seed in range(12):
+        drawn, shown = touching_shapes(np.random.default_rng(seed))
+        found = seen(np.pad(shown, ((40, 40), (80, 80))) > 0, seed)
+        for blob in blobs(np.pad(drawn, ((40, 40), (80, 80)))):
+            parts = parted(blob, found, JUDGED, CONFIG)
+            with monkeypatch.context() as always:
+                always.setattr(parting, '_has_neck', lambda depth: True)
+                assert boxes(parts) == boxes(parted(blob, found, JUDGED, CONFIG))
+            whole, several = whole + (len(parts) == 1), several + (len(parts) > 1)
+    assert whole > 5 and several > 5

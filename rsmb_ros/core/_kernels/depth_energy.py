@@ -11,6 +11,7 @@ from .geometry import INLINED, OPTIONS, homography, instant_offset
 from .render import add_instant, keep_complete, pose_at
 
 MOST_INSTANTS = 96
+ROUNDED = 1.0 + 1e-9  # more than sums are off by
 ONE_COLOUR = np.zeros(0, np.float32)  # which pixel a value belongs to, where all are one's own
 POSE = 12  # numbers of a pose: H at infinite depth (9), and how its third column grows with 1/d
 
@@ -99,17 +100,27 @@ def misfit_of_row(light, gain, bias, curve, live, weight, begin, end, most):
 @njit(**INLINED)
 def energy(
     inverse_depth, stride, step, top, left, live, weight, extents, fine, half_rows, half_columns,
-    places, extent, counts, poses, center, gain, bias, curve, most, h, light, field,
+    places, extent, counts, poses, center, gain, bias, curve, most, least, h, light, field,
 ):
-    """Return the mean of min(z^2, most) over every `stride`-th row of a window at one depth."""
+    """
+    Return the mean of min(z^2, most) over every `stride`-th row of a window at one depth.
+
+    One that is sure to be `least` or more is not looked at to the end.
+    """
     total = 0.0
     known = 0
+    for r in range(stride // 2, live.shape[0], stride):
+        known += extents[r, 2]
+    known = max(known, 1)
+    enough = least * known * ROUNDED
     half = center[0] + 0.5
     for r in range(stride // 2, live.shape[0], stride):
         begin = extents[r, 0]
         end = extents[r, 1]
         if end <= begin:
             continue
+        if total > enough:
+            break
         count = math.ceil((counts[r] - 1) * max(1.0, inverse_depth) / step) + 1
         y = top + r - center[1]
         lo, hi = blur_row(
@@ -126,8 +137,7 @@ def energy(
             light, field, bias, curve, live[r, begin:end], weight[r, begin:end],
             lo - left - begin, hi - left - begin, most,
         )
-        known += extents[r, 2]
-    return total / max(known, 1)
+    return total / known
 
 
 @njit(**OPTIONS)
@@ -153,7 +163,8 @@ def best_depth(
     light = np.empty(live.shape[1], np.float32)
     field = np.empty(live.shape[1], np.float32)
     best = depths[0]
-    least = np.inf
+    unknown = 2.0 * most  # no energy is as large
+    least = unknown
     middle = best
     before = np.inf
     for n in range(depths.size + 2 + 2 * steps.size):
@@ -168,7 +179,7 @@ def best_depth(
         elif stage == 0:
             depth = 1.0
         elif stage == 1:
-            least = np.inf  # on more pixels it is another
+            least = unknown  # on more pixels it is another
         else:
             step = steps[stage // 2 - 1]
             if stage % 2 == 0:
@@ -180,7 +191,7 @@ def best_depth(
         value = energy(
             1.0 / depth, strides[fully], spacings[fully], top, left, live, weight, extents, fine,
             half_rows, half_columns, places, extent, counts, poses, center, gain, bias, curve,
-            most, h, light, field,
+            most, unknown if stage == 0 else least, h, light, field,
         )
         if stage == 0:
             found[2] = value

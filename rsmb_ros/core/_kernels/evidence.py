@@ -45,27 +45,40 @@ def gradient_row(above, here, below, out):
 
 
 @njit(**INLINED)
+def sum_mirrored(row, reach, first, last, out):
+    """Write the sums of 2 `reach` + 1 neighbours for out[first:last], mirrored at the ends."""
+    for x in range(first, last):
+        out[x] = 0.0
+        for k in range(-reach, reach + 1):
+            out[x] += row[mirrored(x + k, row.size)]
+
+
+@njit(**INLINED)
 def sum_along(row, reach, out):
     """Write the sums of 2 `reach` + 1 neighbours along a row, (n,)."""
     size = row.size
     first = min(reach, size)
     last = max(size - reach, first)
-    for x in range(first):
-        out[x] = 0.0
-        for k in range(-reach, reach + 1):
-            out[x] += row[mirrored(x + k, size)]
-    for x in range(last, size):
-        out[x] = 0.0
-        for k in range(-reach, reach + 1):
-            out[x] += row[mirrored(x + k, size)]
+    sum_mirrored(row, reach, 0, first, out)
+    sum_mirrored(row, reach, last, size, out)
     begin = np.uint64(first)
     end = np.uint64(last)
-    for x in range(begin, end):
-        out[x] = row[x]
-    for k in range(1, reach + 1):
-        far = np.uint64(k)
+    one = np.uint64(1)
+    two = np.uint64(2)
+    three = np.uint64(3)
+    # the windows in use, each in one pass: five times as fast as a pass for each neighbour
+    if reach == 1:
         for x in range(begin, end):
-            out[x] += row[x - far] + row[x + far]
+            out[x] = row[x] + (row[x - one] + row[x + one])
+    elif reach == 2:
+        for x in range(begin, end):
+            out[x] = row[x] + (row[x - one] + row[x + one]) + (row[x - two] + row[x + two])
+    elif reach == 3:
+        for x in range(begin, end):
+            near = row[x] + (row[x - one] + row[x + one]) + (row[x - two] + row[x + two])
+            out[x] = near + (row[x - three] + row[x + three])
+    else:
+        sum_mirrored(row, reach, first, last, out)
 
 
 @njit(**OPTIONS)
@@ -105,12 +118,15 @@ def describe_rows(first, last, image, energy, code):
 @njit(**OPTIONS)
 def count_codes(code, valid, levels, steps):
     """Count how often every second pixel of every second row has each level and step (256,)."""
+    two = np.uint64(2)
     for y in range(0, code.shape[0], 2):
-        for x in range(0, code.shape[1], 2):
-            if valid[y, x]:
-                n = code[y, x]
-                levels[n >> 8] += 1
-                steps[n & 255] += 1
+        codes = code[y]
+        asked = valid[y]
+        for k in range(np.uint64((codes.size + 1) // 2)):
+            n = codes[two * k]
+            once = np.int64(asked[two * k])
+            levels[n >> 8] += once
+            steps[n & 255] += once
 
 
 @njit(**OPTIONS)
@@ -121,17 +137,29 @@ def count_residuals(code, residual, valid, level_bin, step_bin, resolution, coun
     `resolution` is per grey level; a code's bin is level_bin + step_bin.
     """
     scale = np.float32(resolution)
+    most = np.float32(255.0)
+    two = np.uint64(2)
+    flat = counts.reshape(-1)
     for y in range(0, code.shape[0], 2):
-        for x in range(0, code.shape[1], 2):
-            if valid[y, x]:
-                n = code[y, x]
-                height = np.int64(min(abs(residual[y, x]) * scale, np.float32(255.0)))
-                counts[level_bin[n >> 8] + step_bin[n & 255], height] += 1
+        codes = code[y]
+        off = residual[y]
+        asked = valid[y]
+        for k in range(np.uint64((codes.size + 1) // 2)):
+            x = two * k
+            if asked[x]:
+                n = codes[x]
+                height = np.int32(min(abs(off[x]) * scale, most))
+                own = level_bin[n >> 8] + step_bin[n & 255]
+                flat[np.uint64(256 * own + height)] += 1
 
 
 @njit(**OPTIONS)
 def fill_variances(sigma, level_place, step_place, out):
-    """Write the squared bilinear interpolation of a table at the places of each code (65536,)."""
+    """
+    Write the squared bilinear interpolation of a table at the places of each code (65536,).
+
+    Places do not decrease.
+    """
     rows, columns = sigma.shape
     along = np.empty(columns, np.float32)
     for level in range(256):
@@ -139,10 +167,25 @@ def fill_variances(sigma, level_place, step_place, out):
         part = level_place[level] - np.float32(i)
         for j in range(columns):
             along[j] = sigma[i, j] + part * (sigma[i + 1, j] - sigma[i, j])
-        for step in range(256):
-            j = min(int(step_place[step]), columns - 2)
-            value = along[j] + (step_place[step] - np.float32(j)) * (along[j + 1] - along[j])
-            out[level * 256 + step] = value * value
+        own = out[256 * level : 256 * (level + 1)]
+        begin = 0
+        for j in range(columns - 1):
+            # steps between the same two columns, together
+            end = begin
+            while end < 256 and (j == columns - 2 or step_place[end] < j + 1):
+                end += 1
+            rise = along[j + 1] - along[j]
+            for step in range(np.uint64(begin), np.uint64(end)):
+                value = along[j] + (step_place[step] - np.float32(j)) * rise
+                own[step] = value * value
+            begin = end
+
+
+@njit(**INLINED)
+def look_up(code, variances, out):
+    """Write the variances of codes (n,): apart, what is done with them is vectorised."""
+    for x in range(np.uint64(code.size)):
+        out[x] = variances[code[x]]
 
 
 @njit(**OPTIONS)
@@ -155,11 +198,13 @@ def surprise_rows(
     `misplaced` (M,) is the variance of each row's place [px^2].
     """
     top = np.float32(most)
+    noise = np.empty(residual.shape[1], np.float32)
     for y in range(first, last):
         place = misplaced[y]
-        for x in range(residual.shape[1]):
+        look_up(code[y], variances, noise)
+        for x in range(np.uint64(noise.size)):
             scale = misfit[y, x]
-            variance = (variances[code[y, x]] + place * energy[y, x]) * scale * scale
+            variance = (noise[x] + place * energy[y, x]) * scale * scale
             z2 = min(residual[y, x] * residual[y, x] / variance, top)
             out[y, x] = z2 if judged[y, x] else np.float32(0.0)
 
@@ -175,12 +220,14 @@ def surprise_of_tint(
     around a pixel are, of which a `share` may be lost.
     """
     top = np.float32(most)
+    noise = np.empty(residual.shape[1], np.float32)
     for y in range(residual.shape[0]):
         place = misplaced[y]
-        for x in range(residual.shape[1]):
+        look_up(code[y], variances, noise)
+        for x in range(np.uint64(noise.size)):
             scale = misfit[y, x]
             lost = share * np.float32(colour[y, x])
-            variance = (variances[code[y, x]] + place * energy[y, x] + lost * lost) * scale * scale
+            variance = (noise[x] + place * energy[y, x] + lost * lost) * scale * scale
             off = residual[y, x] - balance
             z2 = min(off * off / variance, top)
             out[y, x] = max(out[y, x], z2 if judged[y, x] else np.float32(0.0))
@@ -194,10 +241,11 @@ def box_rms_rows(first, last, image, reach, out):
     scale = np.float32(1.0 / (2 * reach + 1) ** 2)
     for y in range(first, last):
         total[:] = image[mirrored(y - reach, rows)]
-        for k in range(1 - reach, reach + 1):
+        for k in range(1 - reach, reach + 1, 2):
             line = image[mirrored(y + k, rows)]
+            after = image[mirrored(y + k + 1, rows)]
             for x in range(columns):
-                total[x] += line[x]
+                total[x] = total[x] + line[x] + after[x]
         row = out[y]
         sum_along(total, reach, row)
         for x in range(columns):
