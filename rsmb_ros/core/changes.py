@@ -31,7 +31,7 @@ def changes_of(finding: Finding, config: ChangeConfig) -> list[Change]:
 
     What is left of a candidate when static objects, unknown pixels and the width of the evidence's
     window are cut away must still be large enough and reach `threshold_high` by itself. Rims of
-    static objects are no changes, nor is what only lies a little off: they are marked as not judged.
+    static objects and what only lies a little off are no changes: they are marked as not judged.
     Parts of one region that hardly hang together are changes of their own.
     """
     frame, seen = finding.frame, finding.seen

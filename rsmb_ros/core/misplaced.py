@@ -17,7 +17,8 @@ from .segmentation import Blob
 REACH = 4  # px that it may lie beside, less than that in fact
 # Correlation with the ground, moved: what was misplaced has .91 to .99, objects up to .91 (570).
 ALIKE = 0.93
-SAME_CONTRAST = (0.75, 1.33)  # of the ground's and the live frame's: a shadow is in its place
+SAME_LEVEL = 1.1  # largest factor between the means of the two: more is a shadow, ...
+SAME_CONTRAST = (0.75, 1.33)  # ... and so is less contrast
 
 
 def misplaced(blob: Blob, frame: RegisteredFrame) -> bool:
@@ -43,7 +44,11 @@ def misplaced(blob: Blob, frame: RegisteredFrame) -> bool:
     move = np.array([[1.0, 0.0, peak[0]], [0.0, 1.0, peak[1]]])
     flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
     moved = cv2.warpAffine(around, move, seen.shape[::-1], flags=flags)
-    before, after = (part[blob.mask] - part[blob.mask].mean() for part in (moved, seen))
+    before, after = moved[blob.mask], seen[blob.mask]
+    levels = float(before.mean()), float(after.mean())
+    if max(levels) > SAME_LEVEL * min(levels):
+        return False
+    before, after = before - levels[0], after - levels[1]
     spread = float(np.sqrt(before @ before)), float(np.sqrt(after @ after))
     if min(spread) < 1e-3:
         return False
