@@ -23,6 +23,7 @@ from .entropy import entropy_candidates
 from .evidence import EVIDENCE_WINDOW, OUTLINE_WINDOW, NoiseTable, Texture, box_rms
 from .frame import RegisteredFrame
 from .layers import Layer
+from .lost_rows import unlike_rows
 from .motion import CameraPath, moved_px
 from .path_stage import PathStage
 from .refused import Refused
@@ -125,6 +126,9 @@ class ChangeFinder:
                 rival = self._settled(stage, other, clock, refused, tried)
                 if rival is not None and rival.better_than(finding):
                     finding = rival
+        lost = unlike_rows(finding.frame, finding.frame.grey)
+        if lost.any():
+            finding.frame.lose(lost)
         return finding
 
     def _settled(

@@ -63,6 +63,10 @@ class RegisteredFrame(ABC):
         inner = cv2.erode(edge, np.ones((BORDER, BORDER), np.uint8))[1:-1, 1:-1] > 0
         self.judged = inner & ~self._clipped()
 
+    def lose(self, rows: np.ndarray) -> None:
+        """Judge nothing in the `rows` (M,) bool: the path does not lie there."""
+        self.judged[rows] = False
+
     @property
     def cost(self) -> float:
         """Mean truncated residual where the frame is judged [grey levels]; compares starts."""
@@ -230,6 +234,11 @@ class PathFrame(RegisteredFrame):
     def row_uncertainty(self) -> np.ndarray:
         """Standard deviation of each row's place (M,) [px], from the Hessian."""
         return row_uncertainty(self.fit)
+
+    def lose(self, rows: np.ndarray) -> None:
+        """Judge nothing in the `rows` (M,) bool, and say that nothing is known of their place."""
+        super().lose(rows)
+        self.row_uncertainty[rows] = np.inf
 
     @property
     def exposure_rows(self) -> float:
