@@ -14,7 +14,8 @@ from .coarse import sub_pixel_peak
 from .frame import RegisteredFrame
 from .segmentation import Blob
 
-REACH = 4  # px that it may lie beside, less than that in fact
+REACH = 4  # px that it may lie beside, less than that in fact, ...
+LEAST = 0.5  # ... and must: what is in its place has another light
 # Correlation with the ground, moved: what was misplaced has .91 to .99, objects up to .91 (570).
 ALIKE = 0.93
 SAME_LEVEL = 1.1  # largest factor between the means of the two: more is a shadow, ...
@@ -40,6 +41,8 @@ def misplaced(blob: Blob, frame: RegisteredFrame) -> bool:
     # even ground has no correlation
     peak = sub_pixel_peak(np.nan_to_num(scores, posinf=0.0, neginf=0.0))
     if peak is None or not all(0.0 < place < 2.0 * REACH for place in peak[:2]):
+        return False
+    if np.hypot(peak[0] - REACH, peak[1] - REACH) < LEAST:
         return False
     move = np.array([[1.0, 0.0, peak[0]], [0.0, 1.0, peak[1]]])
     flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP

@@ -1,0 +1,63 @@
+"""Rows that show another place are told from rows that hold large changes."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rsmb_ros.core.lost_rows import unlike_rows
+
+SHAPE = (240, 320)
+BAND = 16  # px, as high as a block of such a frame is wide
+
+
+@pytest.fixture(scope='module')
+def images(texture_of):
+    ground, elsewhere = (texture_of(*SHAPE, seed).astype(np.float32) for seed in (4, 44))
+    rng = np.random.default_rng(8)
+    return ground, elsewhere, rng.normal(0, 2.0, SHAPE).astype(np.float32)
+
+
+def unlike(predicted, live, complete=None):
+    known = np.ones(SHAPE, bool) if complete is None else complete
+    return unlike_rows(SimpleNamespace(predicted=predicted, complete=known), live)
+
+
+@pytest.mark.parametrize('first, last', [(0, 96), (80, 176), (144, 240)])
+def test_rows_that_show_another_place_are_unlike(images, first, last):
+    ground, elsewhere, noise = images
+    live = ground + noise
+    live[first:last] = elsewhere[first:last]
+    rows = unlike(ground, live)
+    assert rows[first:last].mean() > 0.9
+    assert rows[: max(0, first - BAND)].sum() == rows[last + BAND :].sum() == 0
+
+
+def test_a_frame_in_its_place_has_none(images):
+    ground, _, noise = images
+    assert not unlike(ground, ground + noise).any()
+
+
+def test_a_change_over_most_of_the_width_leaves_ground_that_agrees(images):
+    ground, elsewhere, noise = images
+    live = ground + noise
+    live[60:180, 20:220] = elsewhere[60:180, 20:220]
+    assert not unlike(ground, live).any()
+
+
+def test_few_rows_alone_are_a_change(images):
+    ground, elsewhere, noise = images
+    live = ground + noise
+    live[100:150] = elsewhere[100:150]
+    assert not unlike(ground, live).any()
+
+
+def test_what_the_reference_does_not_show_is_not_asked(images):
+    ground, elsewhere, noise = images
+    complete = np.ones(SHAPE, bool)
+    complete[:120] = False
+    live = ground + noise
+    live[:120] = elsewhere[:120]
+    assert not unlike(ground, live, complete).any()
