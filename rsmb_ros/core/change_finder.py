@@ -35,7 +35,7 @@ from .workers import beside, each
 # texture outdoes the ground's has bent the path, and no single depth then explains it.
 LARGE_MISFIT = 0.02
 REFITS = 3  # at most: where much of a frame is no ground, one is not enough
-LAST_LOOKS = 2  # at most, for static objects that only show when others are explained
+LAST_LOOKS = 4  # at most, for static objects that only show when others are explained
 STILL = 0.25  # px; a fit that has moved no row further needs no other
 NEAR = 0.5  # px; a fit that has moved no row further is not repeated without ...
 SAME = 0.9  # of what two fits were to leave out, over which they leave out the same
