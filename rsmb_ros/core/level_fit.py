@@ -102,11 +102,12 @@ class LevelFit:
         step, share, moved = np.zeros_like(linear.gradient), 1.0, np.inf
         base = fit
         begin = RELAXED_AFTER if near else 0
+        lens = BLURRED not in self._fixed(held)
         for iteration in range(begin, begin + (most or ITERATIONS[self._stage])):
             tukey = self._stage == 0 and iteration > 0  # before that frame ends may be far off
             misplaced = _relaxed(MISPLACED[self._stage], iteration)
             if moved > RELINEARISE * self._level.factor:
-                linear.renew(fit, misplaced, tukey)
+                linear.renew(fit, misplaced, tukey, lens)
                 moved = 0.0
             else:
                 linear.look(fit, misplaced, tukey)
@@ -167,12 +168,14 @@ class LevelFit:
 
     def _priors(self, iteration: int, held: Sequence[int], exposure: float) -> Priors:
         """Return what is believed; extras that are `held` are known."""
+        stiffness = _relaxed(STIFFNESS[self._stage], iteration)
+        return Priors(stiffness, self._fixed(held), exposure, self._dof)
+
+    def _fixed(self, held: Sequence[int]) -> tuple[int, ...]:
+        """Return which extras keep their values: those `held`, and what a level is blind to."""
         small = self._level.number > 1  # cannot tell blur from blur, nor light across the frame
         fixed = [] if self._config.photometric.vignetting and not small else [1, 2, 3]
-        fixed += [EXPOSED, BLURRED] if small else held
-        return Priors(
-            _relaxed(STIFFNESS[self._stage], iteration), tuple(fixed), exposure, self._dof
-        )
+        return (*fixed, *([EXPOSED, BLURRED] if small else held))
 
 
 def _relaxed(first_and_last: tuple[float, float], iteration: int) -> float:

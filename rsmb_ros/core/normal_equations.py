@@ -145,17 +145,18 @@ class NormalEquations:
         self._seen = np.zeros(rows, bool)
         self.gradient = np.zeros(self._knots * self._dof + AHEAD)
 
-    def renew(self, fit: PathFit, misplaced: float, tukey: bool) -> None:
+    def renew(self, fit: PathFit, misplaced: float, tukey: bool, lens: bool = True) -> None:
         """
         Sum the normal equations over all rows, in a fixed order.
 
-        `misplaced` [px] is how far an edge may be off, `tukey` chooses the loss (else Huber).
+        `misplaced` [px] is how far an edge may be off, `tukey` chooses the loss (else Huber), and
+        `lens` says whether the defocus is an unknown.
         """
         path = fit.path
         samples = path.samples_per_row(POINT_STEP * self._level.factor)
         self._samples = samples[self._at_full_size.astype(np.int64)]
         self._alone = int(self._samples.sum()) * self.residuals.shape[1] < ALONE
-        self._over_rows(linearise, fit, misplaced, tukey)
+        self._over_rows(linearise, fit, misplaced, tukey, lens)
         touched = int(self._knots_of[:, 1].max())
         self.arrow = Arrow.empty(self._knots * self._dof, max(touched, 2 * self._dof + 1))
         assemble(self._begins, self._dof, self._normals, *self.arrow.parts)
@@ -163,7 +164,7 @@ class NormalEquations:
 
     def look(self, fit: PathFit, misplaced: float, tukey: bool) -> None:
         """Work out residuals and gradient anew, on the Jacobians as they are."""
-        self._over_rows(correct, fit, misplaced, tukey)
+        self._over_rows(correct, fit, misplaced, tukey, False)
         assemble_gradient(self._begins, self._dof, self._gradients, self.gradient)
 
     def spread(self) -> Residuals:
@@ -185,7 +186,12 @@ class NormalEquations:
         )  # fmt: skip
 
     def _over_rows(
-        self, kernel: Callable[..., None], fit: PathFit, misplaced: float, tukey: bool
+        self,
+        kernel: Callable[..., None],
+        fit: PathFit,
+        misplaced: float,
+        tukey: bool,
+        lens: bool,
     ) -> None:
         """Run a kernel over all chunks of rows."""
         path = fit.path
@@ -193,7 +199,7 @@ class NormalEquations:
             *self._images, self._samples, *self._where, path.control, path.first_time,
             path.knot_rows, path.exposure_rows, fit.defocus - self._start_defocus, *self._camera,
             np.append(fit.light.gain, fit.light.bias), self._tones, self._gamma, fit.sigma,
-            misplaced, tukey, *self._out,
+            misplaced, tukey, lens, *self._out,
         )  # fmt: skip
         if self._executor is None or self._alone:
             kernel(0, CHUNKS, *data)

@@ -56,7 +56,7 @@ def show_row(sums, pixel, x0, y, half_width, gain, bias, gamma, weights, grey, s
     a2 = np.float32(gain[3])
     bias = np.float32(bias)
     exponent = np.float32(1.0 / gamma)
-    # float32 both, and at compile time either: a kernel that holds both loops is not vectorised well
+    # one of the two is compiled: a kernel that holds both is not vectorised well
     if pixel is None:
         for k in range(np.uint64(grey.size)):
             x = begin + np.float32(np.int32(k)) * scale

@@ -277,7 +277,8 @@ def show_rows(
     for i in range(first, last):
         lo, hi = blur_row(
             i, left, right, fine, half_rows, half_columns, colours, pixel, times[i], samples[i],
-            control, first_time, knot_rows, exposure, focal, center, inverse_depth, b, q, h, sums, 0,
+            control, first_time, knot_rows, exposure, focal, center, inverse_depth, b, q, h, sums,
+            0,
         )
         n = i - top
         show_row(
