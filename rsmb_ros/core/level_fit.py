@@ -118,14 +118,7 @@ class LevelFit:
                 continue
             base = _known(fit, spread)
             priors = self._priors(iteration, held, start_exposure)
-            normal, gradient = priors.applied(
-                linear.arrow, linear.gradient, base.path.control, base.path.exposure_rows, fit.sigma
-            )
-            before, step = step, normal.solved(gradient)[0]
-            # a step that turns back has gone too far, as weakly held ends of a frame do for ever
-            share = max(0.25, 0.5 * share) if step @ before < 0 else min(1.0, 1.5 * share)
-            step *= share
-            row_step = linear.row_step(step, fit)
+            step, share, row_step = linear.step(priors, base, fit.sigma, step, share)
             moved += row_step
             fit = _stepped(base, step, self._dof, start_exposure)
             if iteration >= RELAXED_AFTER and row_step < STOP_STEP[self._stage]:
@@ -134,7 +127,7 @@ class LevelFit:
         if self._level.number:
             return fit  # to be fitted at full size, which says more
         own, sigma = self._own_exposure(linear, fit, iteration, start_exposure)
-        information = normal.dense() / fit.sigma**2
+        information = linear.believed.dense() / fit.sigma**2
         return replace(fit, information=information, own_exposure=own, own_exposure_sigma=sigma)
 
     def misfits(self, fit: PathFit) -> np.ndarray:

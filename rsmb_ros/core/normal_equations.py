@@ -11,12 +11,13 @@ import numpy as np
 
 from ._kernels.fit import correct, linearise
 from ._kernels.fit_row import AHEAD, BRIGHTEST, SPARE, TONES
-from ._kernels.normal import assemble, assemble_gradient, row_steps, spread
+from ._kernels.normal import assemble, assemble_gradient, next_step, spread
 from .arrow import Arrow
 from .config import Config
 from .motion import Grid
 from .path_fit import PathFit
 from .points import Points
+from .priors import Priors
 from .sampling import defocused
 from .workers import SMALL, shared
 from .workspace import Workspace
@@ -87,6 +88,8 @@ class NormalEquations:
     ----------
     arrow : Arrow
         The matrix.
+    believed : Arrow
+        The matrix with the priors of the last `step`.
     gradient : ndarray of shape (D + AHEAD,)
         Path first, then the extras.
     residuals : ndarray of shape (R, P), float32
@@ -144,6 +147,7 @@ class NormalEquations:
         self._bins = room.array('bins', (BINS,), np.int64)
         self._seen = np.zeros(rows, bool)
         self.gradient = np.zeros(self._knots * self._dof + AHEAD)
+        self.believed = self._factor = Arrow.empty(0, 0)
 
     def renew(self, fit: PathFit, misplaced: float, tukey: bool, lens: bool = True) -> None:
         """
@@ -174,16 +178,42 @@ class NormalEquations:
         )
         return Residuals(1.4826 * median, cost if used else np.inf, used)
 
-    def row_step(self, step: np.ndarray, fit: PathFit) -> float:
-        """Return how far a step moves the rows that `spread` has seen, root mean square [px]."""
-        path = fit.path
-        return float(
-            row_steps(
-                step, self._dof, self._times, path.first_time, path.knot_rows, self._knots, REACH,
-                self._seen,
-            )
-            ** 0.5
+    def step(
+        self, priors: Priors, fit: PathFit, sigma: float, before: np.ndarray, share: float
+    ) -> tuple[np.ndarray, float, float]:
+        """
+        Solve the equations together with `priors`; `believed` is then what was solved.
+
+        Parameters
+        ----------
+        priors : Priors
+        fit : PathFit
+            Where they were linearised.
+        sigma : float
+            Standard deviation of the residuals that the priors are weighed against [grey levels].
+        before : ndarray of shape (D + AHEAD,)
+            The last step, and ...
+        share : float
+            ... what share of it was taken, 0..1: of steps that turn back and forth it gets less.
+
+        Returns
+        -------
+        step : ndarray of shape (D + AHEAD,)
+        share : float
+        row_step : float
+            How far it moves the rows that `spread` has seen, root mean square [px].
+
+        """
+        path, step = fit.path, np.empty_like(self.gradient)
+        size = self.arrow.band.shape
+        if self.believed.band.shape != size:
+            self.believed, self._factor = Arrow.empty(*size), Arrow.empty(*size)
+        share, moved = next_step(
+            *priors.arguments(path.control, path.exposure_rows, sigma), *self.arrow.parts,
+            self.gradient, *self.believed.parts, *self._factor.parts, before, share, self._dof,
+            self._times, path.first_time, path.knot_rows, REACH, self._seen, step,
         )  # fmt: skip
+        return step, share, moved**0.5
 
     def _over_rows(
         self,
