@@ -34,7 +34,7 @@ RELINEARISE = 0.25  # px of the level the rows may move, rms, before Jacobians a
 
 # Per pyramid level, full size first; the last entry serves all coarser ones.
 ITERATIONS = (8, 16, 20)
-STOP_STEP = (0.01, 0.04, 0.15)  # px, how far a step still moves the rows, rms
+STOP_STEP = (0.01, 0.04, 0.3)  # px, how far a step still moves the rows, rms
 # Stiffness at the first and from the fourth iteration: an object at another depth must not bend
 # the path while it is far off; a shaken camera must bend it in the end.
 STIFFNESS = ((0.1, 0.003), (1.0, 0.1), (1.0, 0.1))

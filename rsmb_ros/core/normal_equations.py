@@ -11,7 +11,8 @@ import numpy as np
 
 from ._kernels.fit import correct, linearise
 from ._kernels.fit_row import AHEAD, BRIGHTEST, SPARE, TONES
-from ._kernels.normal import assemble, assemble_gradient, next_step, spread
+from ._kernels.normal import assemble, assemble_gradient, next_step
+from ._kernels.residuals import spread
 from .arrow import Arrow
 from .config import Config
 from .motion import Grid
