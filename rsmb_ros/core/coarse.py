@@ -7,8 +7,10 @@ of rows are matched around it; `start` lays a smooth camera path through their d
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from concurrent.futures import Executor
-from typing import TypeAlias
+from functools import partial
 
 import cv2
 import numpy as np
@@ -16,7 +18,7 @@ import numpy as np
 from ._kernels.match import ROOM, highest, match_band
 from .motion import Grid
 from .start import StripMatches
-from .workers import each
+from .workers import beside, each
 
 SEARCH_WIDTH = 160  # px; both images are reduced to about this width of the live frame
 PATCHES = 4  # per direction, for the global vote
@@ -27,9 +29,7 @@ EDGE = 3  # px of room that a piece needs to the reference's edge
 SAME_PLACE = 2.0  # px at search width that a band may lie off the place it was matched around
 MIN_CONTRAST = 2.0  # grey levels; flatter patches say nothing
 MIN_PEAK = 0.4  # normalised correlation of a strip that counts
-
-
-_Corner: TypeAlias = 'tuple[int, int] | np.ndarray'  # row, column
+_NEAR = np.ones((2 * WOBBLE + 1,) * 2, np.uint8)
 
 
 class CoarseSearch:
@@ -75,14 +75,19 @@ class CoarseSearch:
         tops = range(0, small.shape[0] - height + 1, height)
         at_vote = each(self._executor, lambda top: self._band(small, top, height, corner), tops)
         anchor = int(np.argmax([band[:, 4:].min(axis=1).sum() for band in at_vote]))
-        bands = {anchor: at_vote[anchor]}
-        for order in (range(anchor + 1, len(tops)), range(anchor - 1, -1, -1)):
+        bands = list(at_vote)
+
+        def followed(order: range) -> None:
             place = self._moved(small.shape, bands[anchor], corner)
             for n in order:
-                near = np.abs(place - corner).max() <= SAME_PLACE
-                bands[n] = at_vote[n] if near else self._band(small, tops[n], height, place)
+                if max(abs(place[0] - corner[0]), abs(place[1] - corner[1])) > SAME_PLACE:
+                    bands[n] = self._band(small, tops[n], height, place)
                 place = self._moved(small.shape, bands[n], place)
-        return np.concatenate([bands[n] for n in sorted(bands)])
+
+        down = beside(self._executor, partial(followed, range(anchor + 1, len(tops))))
+        followed(range(anchor - 1, -1, -1))
+        down()
+        return np.concatenate(bands)
 
     def _moved(self, shape: tuple[int, int], band: np.ndarray, corner: np.ndarray) -> np.ndarray:
         """Return the live corner's place by the matches of one band, `corner` without any."""
@@ -92,45 +97,49 @@ class CoarseSearch:
 
     def _shift_of(self, shape: tuple[int, int], corner: np.ndarray) -> np.ndarray:
         """Displacement of the centre when the live corner lies at `corner` x, y (reduced px)."""
-        sizes = np.array(shape[::-1]), np.array(self._reference.shape[::-1])
-        return corner + (sizes[0] - sizes[1]) / 2.0
+        rows, columns = self._reference.shape
+        return corner + np.array([(shape[1] - columns) / 2.0, (shape[0] - rows) / 2.0])
 
     def _vote(self, small: np.ndarray) -> tuple[np.ndarray, float]:
         """Corner x, y of the live frame in the reference with the largest summed correlation."""
-        shape = np.array(small.shape)
-        room = np.array(self._reference.shape) - shape
-        reach = np.ceil(self._fraction * shape).astype(int)
-        low = np.minimum(room, 0) - reach
-        size = np.maximum(room, 0) + reach - low + 1
+        shape, reference = small.shape, self._reference.shape
+        room = [whole - own for whole, own in zip(reference, shape, strict=True)]
+        reach = [math.ceil(self._fraction * own) for own in shape]
+        low = [min(free, 0) - far for free, far in zip(room, reach, strict=True)]
+        size = [max(room[k], 0) + reach[k] - low[k] + 1 for k in (0, 1)]
         votes = np.zeros(size, np.float32)
         counts = np.zeros(size, np.float32)
-        patch = shape // PATCHES
+        patch = [own // PATCHES for own in shape]
         corners = [
             (row, col)
             for row in range(0, shape[0] - patch[0] + 1, max(1, patch[0]))
             for col in range(0, shape[1] - patch[1] + 1, max(1, patch[1]))
         ]
 
-        def begin_of(corner: tuple[int, int]) -> np.ndarray:
+        def begin_of(corner: tuple[int, int]) -> tuple[int, ...]:
             """Row and column of the reference where the places of a patch begin."""
-            return np.maximum(corner + low - WOBBLE, 0)
+            return tuple(max(corner[k] + low[k] - WOBBLE, 0) for k in (0, 1))
 
-        def end_of(corner: tuple[int, int]) -> np.ndarray:
-            return np.minimum(corner + low + size - 1 + patch + WOBBLE, self._reference.shape)
+        def end_of(corner: tuple[int, int]) -> tuple[int, ...]:
+            return tuple(
+                min(corner[k] + low[k] + size[k] - 1 + patch[k] + WOBBLE, reference[k])
+                for k in (0, 1)
+            )
 
         def scores_of(corner: tuple[int, int]) -> np.ndarray | None:
             """Correlate a patch wherever it may lie, each place as good as the best near it."""
             row, col = corner
+            begin, end = begin_of(corner), end_of(corner)
             piece = small[row : row + patch[0], col : col + patch[1]]
-            if np.any(end_of(corner) - begin_of(corner) < patch) or piece.std() < MIN_CONTRAST:
+            if any(end[k] - begin[k] < patch[k] for k in (0, 1)) or _spread(piece) < MIN_CONTRAST:
                 return None
-            scores = self._correlate(piece, begin_of(corner), end_of(corner))
-            return cv2.dilate(scores, np.ones((2 * WOBBLE + 1,) * 2, np.uint8))
+            return cv2.dilate(self._correlate(piece, begin, end), _NEAR)
 
         found = each(self._executor, scores_of, corners)
         for corner, scores in zip(corners, found, strict=True):
             if scores is not None:
-                _add_at(votes, counts, scores, begin_of(corner) - corner - low)
+                at = [place - corner[k] - low[k] for k, place in enumerate(begin_of(corner))]
+                _add_at(votes, counts, scores, at)
         # a place that only few patches can see must not win by luck: shrink means of few patches
         score = votes / (counts + 3.0)
         row, col = np.unravel_index(int(score.argmax()), score.shape)
@@ -138,7 +147,9 @@ class CoarseSearch:
         mean = float(votes[row, col] / count) if count else 0.0
         return np.array([col + low[1], row + low[0]], np.float64), mean
 
-    def _correlate(self, piece: np.ndarray, begin: _Corner, end: _Corner) -> np.ndarray:
+    def _correlate(
+        self, piece: np.ndarray, begin: tuple[int, ...], end: tuple[int, ...]
+    ) -> np.ndarray:
         """Correlations 0..1 of `piece` at every place inside reference[begin:end] (row, col)."""
         window = np.s_[begin[0] : end[0], begin[1] : end[1]]
         scores = cv2.matchTemplate(self._reference[window], piece, cv2.TM_CCOEFF_NORMED)
@@ -146,7 +157,8 @@ class CoarseSearch:
         textured = self._textured[window][
             height // 2 : height // 2 + scores.shape[0], width // 2 : width // 2 + scores.shape[1]
         ]
-        return np.fmin(np.fmax(scores, 0.0), 1.0) * textured  # 0 where OpenCV has no number
+        np.fmin(np.fmax(scores, 0.0, out=scores), 1.0, out=scores)  # 0 where OpenCV has no number
+        return np.multiply(scores, textured, out=scores)
 
     def _band(self, small: np.ndarray, top: int, height: int, corner: np.ndarray) -> np.ndarray:
         """Match the pieces of one band of rows around the live corner's place, see `_tracked`."""
@@ -179,11 +191,16 @@ def _local_contrast(image: np.ndarray) -> np.ndarray:
     return cv2.dilate(seen, np.ones((9, 9), np.uint8)).astype(np.float32)
 
 
-def _add_at(votes: np.ndarray, counts: np.ndarray, scores: np.ndarray, at: np.ndarray) -> None:
+def _spread(image: np.ndarray) -> float:
+    """Standard deviation of an image."""
+    return float(cv2.meanStdDev(image)[1][0, 0])
+
+
+def _add_at(votes: np.ndarray, counts: np.ndarray, scores: np.ndarray, at: Sequence[int]) -> None:
     """Add `scores` to `votes` with its corner at `at`, what sticks out is dropped."""
-    begin = np.maximum(at, 0)
-    end = np.minimum(np.add(at, scores.shape), votes.shape)
-    if np.any(end <= begin):
+    begin = [max(place, 0) for place in at]
+    end = [min(at[k] + scores.shape[k], votes.shape[k]) for k in (0, 1)]
+    if end[0] <= begin[0] or end[1] <= begin[1]:
         return
     target = np.s_[begin[0] : end[0], begin[1] : end[1]]
     source = np.s_[begin[0] - at[0] : end[0] - at[0], begin[1] - at[1] : end[1] - at[1]]

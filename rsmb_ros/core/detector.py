@@ -272,7 +272,7 @@ class Detector:
     def _misfit(self, frame: RegisteredFrame) -> str:
         """Say why a fitted frame must not be trusted, '' when it may."""
         limits = self.config.registration
-        overlap = float(frame.complete.mean())
+        overlap = np.count_nonzero(frame.complete) / frame.complete.size
         if overlap < limits.min_overlap:
             return (
                 f'no overlap: {overlap:.0%} of the frame lies in the reference, '

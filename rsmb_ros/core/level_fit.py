@@ -34,7 +34,7 @@ RELINEARISE = 0.25  # px of the level the rows may move, rms, before Jacobians a
 
 # Per pyramid level, full size first; the last entry serves all coarser ones.
 ITERATIONS = (8, 16, 20)
-STOP_STEP = (0.01, 0.04, 0.15)  # px, how far a step still moves the rows, rms
+STOP_STEP = (0.01, 0.04, 0.3)  # px, how far a step still moves the rows, rms
 # Stiffness at the first and from the fourth iteration: an object at another depth must not bend
 # the path while it is far off; a shaken camera must bend it in the end.
 STIFFNESS = ((0.1, 0.003), (1.0, 0.1), (1.0, 0.1))
@@ -102,11 +102,12 @@ class LevelFit:
         step, share, moved = np.zeros_like(linear.gradient), 1.0, np.inf
         base = fit
         begin = RELAXED_AFTER if near else 0
+        lens = BLURRED not in self._fixed(held)
         for iteration in range(begin, begin + (most or ITERATIONS[self._stage])):
             tukey = self._stage == 0 and iteration > 0  # before that frame ends may be far off
             misplaced = _relaxed(MISPLACED[self._stage], iteration)
             if moved > RELINEARISE * self._level.factor:
-                linear.renew(fit, misplaced, tukey)
+                linear.renew(fit, misplaced, tukey, lens)
                 moved = 0.0
             else:
                 linear.look(fit, misplaced, tukey)
@@ -117,14 +118,7 @@ class LevelFit:
                 continue
             base = _known(fit, spread)
             priors = self._priors(iteration, held, start_exposure)
-            normal, gradient = priors.applied(
-                linear.arrow, linear.gradient, base.path.control, base.path.exposure_rows, fit.sigma
-            )
-            before, step = step, normal.solved(gradient)[0]
-            # a step that turns back has gone too far, as weakly held ends of a frame do for ever
-            share = max(0.25, 0.5 * share) if step @ before < 0 else min(1.0, 1.5 * share)
-            step *= share
-            row_step = linear.row_step(step, fit)
+            step, share, row_step = linear.step(priors, base, fit.sigma, step, share)
             moved += row_step
             fit = _stepped(base, step, self._dof, start_exposure)
             if iteration >= RELAXED_AFTER and row_step < STOP_STEP[self._stage]:
@@ -133,7 +127,7 @@ class LevelFit:
         if self._level.number:
             return fit  # to be fitted at full size, which says more
         own, sigma = self._own_exposure(linear, fit, iteration, start_exposure)
-        information = normal.dense() / fit.sigma**2
+        information = linear.believed.dense() / fit.sigma**2
         return replace(fit, information=information, own_exposure=own, own_exposure_sigma=sigma)
 
     def misfits(self, fit: PathFit) -> np.ndarray:
@@ -167,12 +161,14 @@ class LevelFit:
 
     def _priors(self, iteration: int, held: Sequence[int], exposure: float) -> Priors:
         """Return what is believed; extras that are `held` are known."""
+        stiffness = _relaxed(STIFFNESS[self._stage], iteration)
+        return Priors(stiffness, self._fixed(held), exposure, self._dof)
+
+    def _fixed(self, held: Sequence[int]) -> tuple[int, ...]:
+        """Return which extras keep their values: those `held`, and what a level is blind to."""
         small = self._level.number > 1  # cannot tell blur from blur, nor light across the frame
         fixed = [] if self._config.photometric.vignetting and not small else [1, 2, 3]
-        fixed += [EXPOSED, BLURRED] if small else held
-        return Priors(
-            _relaxed(STIFFNESS[self._stage], iteration), tuple(fixed), exposure, self._dof
-        )
+        return (*fixed, *([EXPOSED, BLURRED] if small else held))
 
 
 def _relaxed(first_and_last: tuple[float, float], iteration: int) -> float:

@@ -11,12 +11,14 @@ import numpy as np
 
 from ._kernels.fit import correct, linearise
 from ._kernels.fit_row import AHEAD, BRIGHTEST, SPARE, TONES
-from ._kernels.normal import assemble, assemble_gradient, row_steps, spread
+from ._kernels.normal import assemble, assemble_gradient, next_step
+from ._kernels.residuals import spread
 from .arrow import Arrow
 from .config import Config
 from .motion import Grid
 from .path_fit import PathFit
 from .points import Points
+from .priors import Priors
 from .sampling import defocused
 from .workers import SMALL, shared
 from .workspace import Workspace
@@ -87,6 +89,8 @@ class NormalEquations:
     ----------
     arrow : Arrow
         The matrix.
+    believed : Arrow
+        The matrix with the priors of the last `step`.
     gradient : ndarray of shape (D + AHEAD,)
         Path first, then the extras.
     residuals : ndarray of shape (R, P), float32
@@ -144,18 +148,20 @@ class NormalEquations:
         self._bins = room.array('bins', (BINS,), np.int64)
         self._seen = np.zeros(rows, bool)
         self.gradient = np.zeros(self._knots * self._dof + AHEAD)
+        self.believed = self._factor = Arrow.empty(0, 0)
 
-    def renew(self, fit: PathFit, misplaced: float, tukey: bool) -> None:
+    def renew(self, fit: PathFit, misplaced: float, tukey: bool, lens: bool = True) -> None:
         """
         Sum the normal equations over all rows, in a fixed order.
 
-        `misplaced` [px] is how far an edge may be off, `tukey` chooses the loss (else Huber).
+        `misplaced` [px] is how far an edge may be off, `tukey` chooses the loss (else Huber), and
+        `lens` says whether the defocus is an unknown.
         """
         path = fit.path
         samples = path.samples_per_row(POINT_STEP * self._level.factor)
         self._samples = samples[self._at_full_size.astype(np.int64)]
         self._alone = int(self._samples.sum()) * self.residuals.shape[1] < ALONE
-        self._over_rows(linearise, fit, misplaced, tukey)
+        self._over_rows(linearise, fit, misplaced, tukey, lens)
         touched = int(self._knots_of[:, 1].max())
         self.arrow = Arrow.empty(self._knots * self._dof, max(touched, 2 * self._dof + 1))
         assemble(self._begins, self._dof, self._normals, *self.arrow.parts)
@@ -163,7 +169,7 @@ class NormalEquations:
 
     def look(self, fit: PathFit, misplaced: float, tukey: bool) -> None:
         """Work out residuals and gradient anew, on the Jacobians as they are."""
-        self._over_rows(correct, fit, misplaced, tukey)
+        self._over_rows(correct, fit, misplaced, tukey, False)
         assemble_gradient(self._begins, self._dof, self._gradients, self.gradient)
 
     def spread(self) -> Residuals:
@@ -173,19 +179,50 @@ class NormalEquations:
         )
         return Residuals(1.4826 * median, cost if used else np.inf, used)
 
-    def row_step(self, step: np.ndarray, fit: PathFit) -> float:
-        """Return how far a step moves the rows that `spread` has seen, root mean square [px]."""
-        path = fit.path
-        return float(
-            row_steps(
-                step, self._dof, self._times, path.first_time, path.knot_rows, self._knots, REACH,
-                self._seen,
-            )
-            ** 0.5
+    def step(
+        self, priors: Priors, fit: PathFit, sigma: float, before: np.ndarray, share: float
+    ) -> tuple[np.ndarray, float, float]:
+        """
+        Solve the equations together with `priors`; `believed` is then what was solved.
+
+        Parameters
+        ----------
+        priors : Priors
+        fit : PathFit
+            Where they were linearised.
+        sigma : float
+            Standard deviation of the residuals that the priors are weighed against [grey levels].
+        before : ndarray of shape (D + AHEAD,)
+            The last step, and ...
+        share : float
+            ... what share of it was taken, 0..1: of steps that turn back and forth it gets less.
+
+        Returns
+        -------
+        step : ndarray of shape (D + AHEAD,)
+        share : float
+        row_step : float
+            How far it moves the rows that `spread` has seen, root mean square [px].
+
+        """
+        path, step = fit.path, np.empty_like(self.gradient)
+        size = self.arrow.band.shape
+        if self.believed.band.shape != size:
+            self.believed, self._factor = Arrow.empty(*size), Arrow.empty(*size)
+        share, moved = next_step(
+            *priors.arguments(path.control, path.exposure_rows, sigma), *self.arrow.parts,
+            self.gradient, *self.believed.parts, *self._factor.parts, before, share, self._dof,
+            self._times, path.first_time, path.knot_rows, REACH, self._seen, step,
         )  # fmt: skip
+        return step, share, moved**0.5
 
     def _over_rows(
-        self, kernel: Callable[..., None], fit: PathFit, misplaced: float, tukey: bool
+        self,
+        kernel: Callable[..., None],
+        fit: PathFit,
+        misplaced: float,
+        tukey: bool,
+        lens: bool,
     ) -> None:
         """Run a kernel over all chunks of rows."""
         path = fit.path
@@ -193,7 +230,7 @@ class NormalEquations:
             *self._images, self._samples, *self._where, path.control, path.first_time,
             path.knot_rows, path.exposure_rows, fit.defocus - self._start_defocus, *self._camera,
             np.append(fit.light.gain, fit.light.bias), self._tones, self._gamma, fit.sigma,
-            misplaced, tukey, *self._out,
+            misplaced, tukey, lens, *self._out,
         )  # fmt: skip
         if self._executor is None or self._alone:
             kernel(0, CHUNKS, *data)

@@ -32,7 +32,8 @@ COARSEST_WIDTH = 160  # px; the pyramid ends there
 COLD_EXPOSURES = (3.0, 12.0, 36.0, 90.0, 200.0)  # rows, tried when nothing is known
 TRIAL = 4  # iterations each of them gets at half size
 TRIAL_ROWS = 60  # of points, that are enough to tell exposures apart
-FINALISTS = 2  # of them that are fitted until they stand
+FINALISTS = 2  # of them that are fitted until they stand, ...
+CLEAR = 0.85  # ... unless the best costs no more than this share of the second
 LITTLE = 0.15  # share of LITTLE_ROWS rows, under which foreground has bent the path by little
 LITTLE_SHAKING = 0.4  # likewise of a path on denser knots, which small images do not hold
 LITTLE_ROWS = 25
@@ -160,13 +161,16 @@ class PathEstimator:
             lens = exposure <= SHARP_ROWS
             return self._fit_level(finest, few, fit, True, TRIAL, shared=False, free_defocus=lens)
 
-        def finished(fit: PathFit) -> PathFit:
-            return self._fit_level(finest, points[finest], fit, True, shared=False)
+        def finished(fit: PathFit, shared: bool = False) -> PathFit:
+            return self._fit_level(finest, points[finest], fit, True, shared=shared)
 
         # the longest first: it takes the longest
         fits = sorted(self._executor.map(trial, reversed(tried)), key=lambda fit: fit.cost)
-        fits = list(self._executor.map(finished, fits[:FINALISTS]))
-        best = min(fits, key=lambda fit: fit.cost)
+        if len(fits) == 1 or fits[0].cost <= CLEAR * fits[1].cost:
+            best = finished(fits[0], shared=True)
+        else:
+            both = self._executor.map(finished, fits[:FINALISTS])
+            best = min(both, key=lambda fit: fit.cost)
         return self._fit_levels(points[:finest], best, 0, True)
 
     def _fit_levels(

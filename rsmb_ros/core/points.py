@@ -51,7 +51,8 @@ class Points:
 
     def from_center(self, factor: float, grid: Grid) -> np.ndarray:
         """Columns (R, P) float32 from the live centre [px of the full image]."""
-        return ((self.columns + 0.5) * factor - 0.5 - grid.center[0]).astype(np.float32)
+        columns = self.columns.astype(np.float32)  # whole numbers: what follows is exact
+        return columns * np.float32(factor) + np.float32(0.5 * factor - 0.5 - grid.center[0])
 
     def on(self, depth: DepthMap, path: CameraPath, n: int) -> Points:
         """

@@ -52,17 +52,29 @@ class Priors:
 
         """
         normal, gradient = normal.copy(), gradient.copy()
-        fixed = np.zeros(AHEAD, bool)
-        fixed[list(self.fixed)] = True
+        believe(*self.arguments(control, exposure_rows, sigma), *normal.parts, gradient)
+        return normal, gradient
+
+    def arguments(
+        self, control: np.ndarray, exposure_rows: float, sigma: float
+    ) -> tuple[np.ndarray | float, ...]:
+        """Return what the kernel `believe` takes before the equations, see `applied`."""
         ridge = np.zeros(self.dof)
         ridge[4:] = (sigma / TILT_SIGMA) ** 2
         trust = (sigma / (EXPOSURE_SIGMA * self.exposure)) ** 2
-        believe(
+        return (
             smoothness(len(control), self.dof), ridge, self.stiffness,
-            1e-4 * min(1.0, 10 * self.stiffness), control, fixed, trust,
-            -trust * (exposure_rows - self.exposure), *normal.parts, gradient,
+            1e-4 * min(1.0, 10 * self.stiffness), control, _marked(self.fixed), trust,
+            -trust * (exposure_rows - self.exposure),
         )  # fmt: skip
-        return normal, gradient
+
+
+@cache
+def _marked(fixed: tuple[int, ...]) -> np.ndarray:
+    """Return which of the extras are `fixed`, (AHEAD,) bool."""
+    mask = np.zeros(AHEAD, bool)
+    mask[list(fixed)] = True
+    return mask
 
 
 @cache

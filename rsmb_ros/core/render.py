@@ -16,7 +16,6 @@ from .workers import shared
 
 STEP_PX = 1.0  # px the reference moves between two instants of the exposure
 ONE_WEIGHT = np.ones(1, np.float32)  # of the only plane of a grey image
-NO_PIXELS = np.empty(0, np.float32)  # one plane needs no list of which value belongs to which
 
 
 @dataclass(frozen=True)
@@ -82,7 +81,7 @@ def blurred(
     def run(first: int, last: int) -> None:
         blur_rows(
             window.top + first, window.top + last, window.top, window.left, window.right, flat,
-            *fine.shape, path.row_times, samples, *places, NO_PIXELS, image, complete,
+            *fine.shape, path.row_times, samples, *places, image, complete,
         )  # fmt: skip
 
     shared(executor, run, len(image), image.size)
@@ -136,8 +135,9 @@ def shown(
     colours = np.empty((*window.shape, *channels), np.uint8)
     complete = np.empty(window.shape, bool)
     samples, places = _instants(path, relative_depth, STEP_PX)
-    pixel = np.repeat(np.arange(window.right - window.left, dtype=np.float32), len(weights))
-    flat, apart = fine.ravel(), colours.reshape(len(grey), len(pixel))
+    width = window.right - window.left
+    pixel = np.repeat(np.arange(width, dtype=np.float32), len(weights)) if channels else None
+    flat, apart = fine.ravel(), colours.reshape(len(grey), width * len(weights))
     half_columns = 2 * path.grid.reference_shape[1]
 
     def run(first: int, last: int) -> None:

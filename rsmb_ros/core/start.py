@@ -9,8 +9,7 @@ from functools import cache
 import numpy as np
 
 from ._kernels.fit_row import AHEAD
-from ._kernels.start import COORDINATES, add_pieces, mean_weights, misfits
-from .arrow import Arrow
+from ._kernels.start import COORDINATES, laid_through, mean_weights
 from .motion import CameraPath, Grid, still_path
 
 FEWEST = 6  # pieces that more than one offset is laid through
@@ -70,21 +69,16 @@ def _laid_through(matches: StripMatches, path: CameraPath, times: np.ndarray) ->
         times, SPLINE_SAMPLES, path.exposure_rows, path.first_time, path.knot_rows, knots, first,
         weights,
     )  # fmt: skip
-    pieces = (first, weights, matches.place / path.grid.half_width, matches.shift)
     unknowns = knots * COORDINATES
     prior = np.zeros((unknowns, max(3, weights.shape[1]) * COORDINATES))
     prior[:, : 3 * COORDINATES] = _smoothness(knots)
-    none = np.zeros((unknowns, AHEAD))  # no extra unknowns
-    misfit, trust = np.empty(count), matches.weight
-    for _ in range(ROUNDS):
-        normal = Arrow(prior.copy(), none, np.eye(AHEAD))
-        gradient = np.zeros(unknowns + AHEAD)
-        add_pieces(*pieces, trust, normal.band, gradient)
-        solution = normal.solved(gradient)[0][:unknowns]
-        misfits(*pieces, solution, misfit)
-        sigma = max(LEAST_SIGMA, 1.4826 * float(np.median(misfit)))
-        trust = matches.weight / ((1.0 + (misfit / (2 * sigma)) ** 2) ** 2)[:, None]
-    return solution
+    solution = np.empty(unknowns + AHEAD)
+    laid_through(
+        first, weights, matches.place / path.grid.half_width,
+        np.ascontiguousarray(matches.shift), np.ascontiguousarray(matches.weight),  # compiled once
+        prior, ROUNDS, LEAST_SIGMA, solution,
+    )  # fmt: skip
+    return solution[:unknowns]
 
 
 @cache

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from rsmb_ros.core._kernels.fit_row import AHEAD, EXTRA
-from rsmb_ros.core._kernels.normal import assemble, assemble_gradient, row_steps, spread
+from rsmb_ros.core._kernels.normal import assemble, assemble_gradient, row_steps
+from rsmb_ros.core._kernels.residuals import spread
 from rsmb_ros.core.arrow import Arrow
 from rsmb_ros.core.normal_equations import tone_table
 from rsmb_ros.core.priors import BEND, SLOPE, TILT_SIGMA, Priors

@@ -105,7 +105,9 @@ class _Points:
             self.depths = rng.uniform(*depths, (4, 5))
             self.inverse_depth = (1 / self.depths).astype(np.float32)
 
-    def linearise(self, light=LIGHT, sigma=50.0, tukey=False, misplaced=0.0, softened=0.0):
+    def linearise(
+        self, light=LIGHT, sigma=50.0, tukey=False, misplaced=0.0, softened=0.0, lens=True
+    ):
         """Normal matrix, gradient, residuals; keeps what `corrected` needs."""
         room = len(self.path.control) * self.dof + fit_row.AHEAD + fit_row.SPARE
         self.begins = np.zeros(2, np.int64)
@@ -118,7 +120,7 @@ class _Points:
             np.zeros((rows, points), np.float32),
         )
         residuals = np.zeros(self.values.shape, np.float32)
-        data = self.data(light, sigma, misplaced, tukey, softened)
+        data = *self.data(light, sigma, misplaced, tukey, softened), lens
         fit.linearise(0, 2, *data, self.begins, *self.chunks, residuals, *self.kept)
         arrow = Arrow.empty(len(self.path.control) * self.dof, room)
         assemble(self.begins, self.dof, self.chunks[0], *arrow.parts)
@@ -127,7 +129,7 @@ class _Points:
     def corrected(self, light=LIGHT, sigma=50.0, tukey=False, misplaced=0.0, softened=0.0):
         """Gradient and residuals on the Jacobians of the last `linearise`."""
         residuals = np.zeros(self.values.shape, np.float32)
-        data = self.data(light, sigma, misplaced, tukey, softened)
+        data = *self.data(light, sigma, misplaced, tukey, softened), False
         fit.correct(0, 2, *data, self.begins, *self.chunks, residuals, *self.kept)
         return self.gradient(), residuals
 
@@ -255,6 +257,33 @@ def test_defocus_is_part_of_the_residuals(bent_path, texture_of):
     expected = points.literal_residuals(softened=0.7)
     np.testing.assert_allclose(residuals, expected, rtol=1e-4, atol=5e-3)
     assert np.abs(expected - points.literal_residuals()).max() > 0.1
+
+
+@pytest.mark.parametrize('count', [3, 4, 5, 7, 8])
+def test_defocus_is_looked_up_at_every_other_instant_of_many(bent_path, texture_of, count):
+    """The mean of those, of a row the first ones, of the next the second ones."""
+    points = _Points(bent_path, texture_of, 6)
+    points.count = count
+    points.linearise()
+    found = points.kept[3]
+    for r, row in enumerate(points.rows):
+        chosen = [k for k in range(count) if min(k, count - 1 - k) % 2 == r % 2 or count == 3]
+        times = bent_path.row_times[row] + naive.instants(count) * bent_path.exposure_rows
+        expected = [
+            np.mean([_value(points.softer, bent_path, row, x, times[k]) for k in chosen])
+            for x in points.columns[r]
+        ]
+        np.testing.assert_allclose(found[r], expected, rtol=1e-3, atol=5e-3)
+    points.linearise(lens=False)
+    assert not points.kept[3].any()
+
+
+def _value(fine, path, row, column, time):
+    """Value of a half-pixel image where a live pixel sees it at a time."""
+    q = naive.path_coordinates(path.control, path.first_time, path.knot_rows, time)
+    h = naive.homography(q, path.grid.focal_px, path.grid.half_width, 1.0)
+    u, v = naive.warped_place(h, column, row, path.grid.center)
+    return naive.bilinear(fine, 2 * v, 2 * u)[0]
 
 
 def test_normal_matrix_is_the_square_of_the_jacobian(bent_path, texture_of):

@@ -12,7 +12,6 @@ from .render import add_instant, keep_complete, pose_at
 
 MOST_INSTANTS = 96
 ROUNDED = 1.0 + 1e-9  # more than sums are off by
-ONE_COLOUR = np.zeros(0, np.float32)  # which pixel a value belongs to, where all are one's own
 POSE = 12  # numbers of a pose: H at infinite depth (9), and how its third column grows with 1/d
 
 
@@ -61,7 +60,7 @@ def blur_row(
     for k in range(count):
         pose_between(poses, place + instant_offset(k, count) * extent, inverse_depth, h)
         lo, hi = add_instant(
-            h, y, left, lo, hi, fine, half_rows, half_columns, 1, ONE_COLOUR, share, center, out, 0
+            h, y, left, lo, hi, fine, half_rows, half_columns, 1, None, share, center, out, 0
         )
         if lo >= hi:
             break

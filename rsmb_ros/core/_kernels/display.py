@@ -39,13 +39,13 @@ def power(x, exponent):
 
 
 @njit(**INLINED)
-def show_row(sums, pixel, colours, x0, y, half_width, gain, bias, gamma, weights, grey, shown):
+def show_row(sums, pixel, x0, y, half_width, gain, bias, gamma, weights, grey, shown):
     """
     Write what the live camera shows of a row of linear light (`photometric.Light.apply`).
 
-    `sums` (columns * colours,) is the light and becomes the display values, `shown` is them rounded
-    and `grey` (columns,) their mixture by `weights`. The row begins at `x0`, `y` from the image
-    centre [px]; `pixel` holds which pixel a value belongs to.
+    `sums` (columns * colours,) is the light, and the worse for it; `shown` gets display values,
+    rounded, and `grey` (columns,) their mixture by `weights`. The row begins at `x0`, `y` from the
+    image centre [px]; `pixel` holds which pixel a value belongs to, None: there is one colour.
     """
     scale = np.float32(1.0 / half_width)
     begin = np.float32(x0 / half_width)
@@ -56,22 +56,28 @@ def show_row(sums, pixel, colours, x0, y, half_width, gain, bias, gamma, weights
     a2 = np.float32(gain[3])
     bias = np.float32(bias)
     exponent = np.float32(1.0 / gamma)
-    for k in range(np.uint64(shown.size)):
-        x = begin + pixel[k] * scale
-        light = sums[k] * (a0 + x * (a1 + x * a2)) + bias
-        share = min(max(light / FULL, DARK), np.float32(1.0))
-        sums[k] = FULL * power(share, exponent)
-    for k in range(np.uint64(shown.size)):
-        shown[k] = np.uint8(np.int32(sums[k] + np.float32(0.5)))
-    if colours == 1:
+    # one of the two is compiled: a kernel that holds both is not vectorised well
+    if pixel is None:
         for k in range(np.uint64(grey.size)):
-            grey[k] = sums[k]
+            x = begin + np.float32(np.int32(k)) * scale
+            light = sums[k] * (a0 + x * (a1 + x * a2)) + bias
+            share = min(max(light / FULL, DARK), np.float32(1.0))
+            grey[k] = FULL * power(share, exponent)
+        for k in range(np.uint64(grey.size)):
+            shown[k] = np.uint8(np.int32(grey[k] + np.float32(0.5)))
     else:
         three = np.uint64(3)
         one = np.uint64(1)
         w0 = weights[0]
         w1 = weights[1]
         w2 = weights[2]
+        for k in range(np.uint64(shown.size)):
+            x = begin + pixel[k] * scale
+            light = sums[k] * (a0 + x * (a1 + x * a2)) + bias
+            share = min(max(light / FULL, DARK), np.float32(1.0))
+            sums[k] = FULL * power(share, exponent)
+        for k in range(np.uint64(shown.size)):
+            shown[k] = np.uint8(np.int32(sums[k] + np.float32(0.5)))
         for k in range(np.uint64(grey.size)):
             n = three * k
             grey[k] = w0 * sums[n] + w1 * sums[n + one] + w2 * sums[n + one + one]

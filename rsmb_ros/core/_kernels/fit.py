@@ -26,14 +26,32 @@ from .fit_row import (
 )
 from .geometry import OPTIONS, basis_slope, homography, instant, instant_offset, span
 
-MUCH_SOFTER = 0.1  # px^2 of defocus that `correct` does not look up anew
+MUCH_SOFTER = 0.1  # px^2 of defocus, beyond which it is looked up at each instant, each time
+FEW = 3  # instants; of more than that, every other one tells what little defocus does
+
+
+@njit(inline='always', **OPTIONS)
+def tells_defocus(k, count, row):
+    """
+    Return whether instant `k` of `count` is one of every other, from the ends to the middle.
+
+    Rows in turn begin with the first or the second, so that not all blur too far, or too little.
+    """
+    return min(k, count - 1 - k) % 2 == row % 2
+
+
+@njit(inline='always', **OPTIONS)
+def defocus_share(count, row):
+    """Return the weight of each instant for which `tells_defocus` is true."""
+    seconds = 2 * (count // 4) + (count % 4) // 3
+    return np.float32(1.0 / (seconds if row % 2 == 1 else count - seconds))
 
 
 @njit(**OPTIONS)
 def linearise(
     first, last, bounds, fine, softer, half_rows, half_columns, rows, times, samples, places,
     values, inverse_depth, control, first_time, knot_rows, exposure, softened, focal, center, level,
-    dof, light, tones, gamma, sigma, misplaced, tukey, begins, normal, gradient, residuals,
+    dof, light, tones, gamma, sigma, misplaced, tukey, lens, begins, normal, gradient, residuals,
     jacobians, knots_of, edges, soft,
 ):
     """
@@ -43,7 +61,9 @@ def linearise(
     `gradient[c]` (S,) hold the extras, `AHEAD` of them, then the unknowns of its knots from
     `begins[c]` on.
     `places` (R, P) are the points' columns from the live centre [px].
-    `softer` is what defocus by 1 px^2 adds to `fine`, `softened` how much of it [px^2].
+    `softer` is what defocus by 1 px^2 adds to `fine`, `softened` how much of it [px^2]. `lens` says
+    whether that is an unknown; else, without any, the image is not read. Of little, every other
+    instant is enough: it is as much to read as all the rest.
     `misplaced` [px] is how far an edge may be from its place for reasons that are not the camera.
     Residuals are in display grey levels: live - display(gain * mean over the exposure + bias).
     Points with a negative value are switched off; they lie at `inverse_depth` (R, P), None: all on
@@ -82,6 +102,8 @@ def linearise(
     b = np.empty(4)
     slopes = np.empty(4)
     scale = np.float32(2.0 / level)
+    blurs = lens or softened != 0.0
+    much = abs(softened) > MUCH_SOFTER
     for chunk in range(first, last):
         normal[chunk] = 0.0
         gradient[chunk] = 0.0
@@ -92,6 +114,8 @@ def linearise(
         for r in range(bounds[chunk], bounds[chunk + 1]):
             count = samples[r]
             share = np.float32(1.0 / count)
+            every = much or count <= FEW
+            lens_share = share if every else defocus_share(count, r)
             begin = times[r] - 0.5 * exposure
             knot0, _ = span(begin, first_time, knot_rows, knots)
             knot1, _ = span(begin + exposure, first_time, knot_rows, knots)
@@ -138,7 +162,8 @@ def linearise(
                     inverse_depth, r, nearer,
                 )
                 read_row(fine, half_columns, at, f_u, f_v, value, g_x, g_y)
-                add_values(softer, half_columns, at, f_u, f_v, share, mean_soft)
+                if blurs and (every or tells_defocus(k, count, r)):
+                    add_values(softer, half_columns, at, f_u, f_v, lens_share, mean_soft)
                 for p in range(points):
                     mean[p] += value[p] * share
                 for n in range(4):
@@ -206,7 +231,7 @@ def linearise(
 def correct(
     first, last, bounds, fine, softer, half_rows, half_columns, rows, times, samples, places,
     values, inverse_depth, control, first_time, knot_rows, exposure, softened, focal, center, level,
-    dof, light, tones, gamma, sigma, misplaced, tukey, begins, normal, gradient, residuals,
+    dof, light, tones, gamma, sigma, misplaced, tukey, lens, begins, normal, gradient, residuals,
     jacobians, knots_of, edges, soft,
 ):
     """

@@ -59,7 +59,7 @@ def assemble_gradient(begins, dof, gradients, out):
             out[base + i] += gradients[chunk, AHEAD + i]
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def believe(
     bands, ridge, stiffness, damping, control, fixed, trust, pull, band, border, corner, gradient
 ):
@@ -129,7 +129,7 @@ def take_off_four(factors, at, rows, begin, out, count):
         out[k] -= f0 * r0[n] + f1 * r1[n] + f2 * r2[n] + f3 * r3[n]
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def factorise(band, border, corner):
     """
     Replace an arrow by its Cholesky factor; return whether it is positive definite.
@@ -177,7 +177,7 @@ def factorise(band, border, corner):
     return True
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def substitute(band, border, corner, vector):
     """Replace a vector by the solution of an arrow that is factorised."""
     unknowns, width = band.shape
@@ -218,7 +218,7 @@ def written_out(band, border, corner, out):
             out[unknowns + x, unknowns + y] = corner[x, y]
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def row_steps(step, dof, times, first_time, knot_rows, knots, reach, seen):
     """Return how far a step moves the rows that are `seen`, mean square [px^2]."""
     total = 0.0
@@ -238,7 +238,9 @@ def row_steps(step, dof, times, first_time, knot_rows, knots, reach, seen):
         for e in range(dof):
             at = j * dof + e
             moved = (
-                b0 * step[at] + b1 * step[at + dof] + b2 * step[at + 2 * dof]
+                b0 * step[at]
+                + b1 * step[at + dof]
+                + b2 * step[at + 2 * dof]
                 + b3 * step[at + 3 * dof]
             )
             total += reach[e] * moved * moved
@@ -246,34 +248,72 @@ def row_steps(step, dof, times, first_time, knot_rows, knots, reach, seen):
 
 
 @njit(**OPTIONS)
-def spread(residuals, none, limit, least_seen, bins, per_level, seen):
+def next_step(
+    bands,
+    ridge,
+    stiffness,
+    damping,
+    control,
+    fixed,
+    trust,
+    pull,
+    band,
+    border,
+    corner,
+    gradient,
+    believed_band,
+    believed_border,
+    believed_corner,
+    factor_band,
+    factor_border,
+    factor_corner,
+    before,
+    share,
+    dof,
+    times,
+    first_time,
+    knot_rows,
+    reach,
+    seen,
+    step,
+):
     """
-    Return the median of |residuals| (R, P), their mean cut off at `limit`, and the share that is.
+    Write the `step` that solves normal equations once it is `believe`d what is believed.
 
-    Residuals above `none` are none. `bins` (n,) is room to count in, `per_level` bins a grey level;
-    `seen` (R,) gets whether more than a share `least_seen` of a row's points are.
+    The equations stay as they are; `believed_...` become those with beliefs, `factor_...` their
+    factor. A step that turns back from the one `before` has gone too far, as weakly held ends of a
+    frame do for ever: only a share of it is taken. Returns that share, after the last one, and how
+    far the step moves the rows that are `seen`, mean square [px^2].
     """
-    bins[:] = 0
-    last = bins.size - 1
-    count = 0
-    total = 0.0
-    for r in range(residuals.shape[0]):
-        known = 0
-        for p in range(residuals.shape[1]):
-            size = abs(residuals[r, p])
-            if size < none:
-                known += 1
-                bins[min(int(size * per_level), last)] += 1
-                total += min(size, limit)
-        seen[r] = known > least_seen * residuals.shape[1]
-        count += known
-    if count == 0:
-        return 0.0, 0.0, 0.0
-    half = 0.5 * count
-    below = 0
-    k = 0
-    while below + bins[k] < half:
-        below += bins[k]
-        k += 1
-    median = (k + (half - below) / bins[k]) / per_level
-    return median, total / count, count / residuals.size
+    believed_band[:] = band
+    believed_border[:] = border
+    believed_corner[:] = corner
+    step[:] = gradient
+    believe(
+        bands,
+        ridge,
+        stiffness,
+        damping,
+        control,
+        fixed,
+        trust,
+        pull,
+        believed_band,
+        believed_border,
+        believed_corner,
+        step,
+    )
+    factor_band[:] = believed_band
+    factor_border[:] = believed_border
+    factor_corner[:] = believed_corner
+    if factorise(factor_band, factor_border, factor_corner):
+        substitute(factor_band, factor_border, factor_corner, step)
+    else:
+        step[:] = 0.0
+    turned = 0.0
+    for j in range(step.size):
+        turned += step[j] * before[j]
+    share = max(0.25, 0.5 * share) if turned < 0.0 else min(1.0, 1.5 * share)
+    for j in range(step.size):
+        step[j] *= share
+    return share, row_steps(step, dof, times, first_time, knot_rows, control.shape[0], reach, seen)

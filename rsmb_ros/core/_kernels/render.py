@@ -106,6 +106,17 @@ def inside_of(h, a0, b0, c0, x, center, u_limit, v_limit):
     return 0.0 <= u <= u_limit and 0.0 <= v <= v_limit
 
 
+@njit(inline='always', **OPTIONS)
+def piece_of(h, width):
+    """Return over how many px of `width` a parabola may stand for the places of a row."""
+    # it is off by |third derivative| piece^3 / 125
+    bend = 6.0 * h[6] * h[6] + 1e-15
+    whole = float(width)
+    if bend * whole * whole * whole <= BENT * 125.0:
+        return width
+    return max(2, int((BENT * 125.0 / bend) ** (1.0 / 3.0)))
+
+
 @njit(**INLINED)
 def add_instant(
     h, y, left, lo, hi, fine, half_rows, half_columns, colours, pixel, share, center, sums, to
@@ -115,8 +126,9 @@ def add_instant(
 
     Columns lo..hi of the row that begins at column `left`, into sums[to:], flat. Returns those of
     them that lie in the reference; the sums of others are not complete. Places are parabolas over
-    pieces so short that they are off by `BENT` px at most. With one colour `fine` is a
-    `sampling.half_pixel` image, with several `sampling.side_by_side`.
+    pieces so short that they are off by `BENT` px at most. With several colours `fine` is a
+    `sampling.side_by_side` image; where `pixel` is None, it is `sampling.half_pixel`, and what
+    colours need is not compiled: it would slow down one colour by half.
     """
     u_limit = half_columns - 2.0
     v_limit = half_rows - 2.0
@@ -128,8 +140,7 @@ def add_instant(
         lo += 1
     while lo < hi and not inside_of(h, a0, b0, c0, hi - 1, center, u_limit, v_limit):
         hi -= 1
-    # a parabola is off by |third derivative| piece^3 / 125
-    piece = max(2, int(min((BENT * 125.0 / (6.0 * h[6] * h[6] + 1e-15)) ** (1.0 / 3.0), 1e5)))
+    piece = piece_of(h, hi - lo)
     begin = lo
     u, v = half_place(h, a0, b0, c0, begin, center)
     while begin < hi:
@@ -161,7 +172,7 @@ def add_instant(
             run = min(run, (half_columns - 2 - iu) // 2 + 1)
             t_u = s_u + 2.0 * c_u * d
             t_v = s_v + 2.0 * c_v * d
-            if colours == 1:
+            if pixel is None:
                 add_run(
                     fine, iv * half_columns + iu, half_columns, f_u, t_u, c_u, f_v, t_v, c_v,
                     share, sums, to + x - left, run,
@@ -196,7 +207,7 @@ def keep_complete(lo, hi, left, right, colours, sums, to):
 @njit(**INLINED)
 def blur_row(
     i, left, right, fine, half_rows, half_columns, colours, pixel, time, count, control, first_time,
-    knot_rows, exposure, focal, center, inverse_depth, q, h, sums, to,
+    knot_rows, exposure, focal, center, inverse_depth, b, q, h, sums, to,
 ):
     """
     Write the mean of the warped reference over the exposure of row `i` (Eq. 1) to sums[to:], flat.
@@ -210,7 +221,7 @@ def blur_row(
     hi = right
     sums[to : to + (right - left) * colours] = 0.0
     for k in range(count):
-        pose_at(time + instant_offset(k, count) * exposure, control, first_time, knot_rows, q)
+        instant(time + instant_offset(k, count) * exposure, control, first_time, knot_rows, b, q)
         homography(q, focal, half_width, inverse_depth, h)
         lo, hi = add_instant(
             h, i - center[1], left, lo, hi, fine, half_rows, half_columns, colours, pixel, share,
@@ -224,21 +235,22 @@ def blur_row(
 @njit(**OPTIONS)
 def blur_rows(
     first, last, top, left, right, fine, half_rows, half_columns, times, samples, control,
-    first_time, knot_rows, exposure, focal, center, inverse_depth, pixel, out, complete,
+    first_time, knot_rows, exposure, focal, center, inverse_depth, out, complete,
 ):
     """
     Write the mean of the warped reference over each row's exposure for one layer, see `blur_row`.
 
     Rows first..last of the live frame; `out` and `complete` begin at row `top` and column `left`.
     """
+    b = np.empty(4)
     h = np.empty(9)
     q = np.zeros(6)
     width = right - left
     sums = out.reshape(-1)
     for i in range(first, last):
         lo, hi = blur_row(
-            i, left, right, fine, half_rows, half_columns, 1, pixel, times[i], samples[i], control,
-            first_time, knot_rows, exposure, focal, center, inverse_depth, q, h, sums,
+            i, left, right, fine, half_rows, half_columns, 1, None, times[i], samples[i], control,
+            first_time, knot_rows, exposure, focal, center, inverse_depth, b, q, h, sums,
             (i - top) * width,
         )
         complete[i - top] = False
@@ -256,6 +268,7 @@ def show_rows(
 
     `shown` (rows, columns * colours) is 0 where a row is not complete.
     """
+    b = np.empty(4)
     h = np.empty(9)
     q = np.zeros(6)
     width = right - left
@@ -264,11 +277,12 @@ def show_rows(
     for i in range(first, last):
         lo, hi = blur_row(
             i, left, right, fine, half_rows, half_columns, colours, pixel, times[i], samples[i],
-            control, first_time, knot_rows, exposure, focal, center, inverse_depth, q, h, sums, 0,
+            control, first_time, knot_rows, exposure, focal, center, inverse_depth, b, q, h, sums,
+            0,
         )
         n = i - top
         show_row(
-            sums, pixel, colours, left - center[0], i - center[1], center[0] + 0.5, gain, bias,
+            sums, pixel, left - center[0], i - center[1], center[0] + 0.5, gain, bias,
             gamma, weights, grey[n], shown[n],
         )
         shown[n, : (lo - left) * colours] = 0

@@ -7,7 +7,9 @@ import math
 import numpy as np
 from numba import njit
 
+from .fit_row import AHEAD
 from .geometry import INLINED, OPTIONS, span
+from .normal import factorise, substitute
 
 COORDINATES = 4  # offset x, y, and rotation and zoom as s sin(r), s cos(r) - 1
 
@@ -21,9 +23,7 @@ def mean_weights(times, count, exposure, first_time, knot_rows, knots, first, we
     """
     for n in range(times.size):
         weights[n] = 0.0
-        first[n], _ = span(
-            times[n] + (0.5 / count - 0.5) * exposure, first_time, knot_rows, knots
-        )
+        first[n], _ = span(times[n] + (0.5 / count - 0.5) * exposure, first_time, knot_rows, knots)
         for k in range(count):
             time = times[n] + ((k + 0.5) / count - 0.5) * exposure
             j, u = span(time, first_time, knot_rows, knots)
@@ -43,7 +43,7 @@ def add_row(own, row, begin, band, to, count):
         band[to, k] += own * row[begin + k]
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def add_pieces(first, weights, places, shifts, trust, band, gradient):
     """
     Add what matched pieces say to the band (D, W) and the gradient of the normal equations.
@@ -71,7 +71,7 @@ def add_pieces(first, weights, places, shifts, trust, band, gradient):
                 add_row(own, row, i, band, at + i, size - i)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def misfits(first, weights, places, shifts, solution, out):
     """Write how far the pieces lie from where a solution (D,) puts them (n,) [px]."""
     knots = solution.size // COORDINATES
@@ -91,3 +91,39 @@ def misfits(first, weights, places, shifts, solution, out):
         off_x = shifts[n, 0] - (a_x - y * turn + x * grow)
         off_y = shifts[n, 1] - (a_y + x * turn + y * grow)
         out[n] = math.hypot(off_x, off_y)
+
+
+@njit(**OPTIONS)
+def laid_through(first, weights, places, shifts, given, prior, rounds, least, solution):
+    """
+    Write the `solution` (D + AHEAD,) of the robust least squares of matched pieces, the path first.
+
+    `given` (n, 2) is the trust at first, `prior` (D, W) the band of what is believed; pieces that
+    misfit by more than twice the usual, at `least` px, are then trusted less, in some `rounds`.
+    """
+    unknowns = prior.shape[0]
+    band = np.empty_like(prior)
+    border = np.zeros((unknowns, AHEAD))
+    corner = np.empty((AHEAD, AHEAD))
+    misfit = np.empty(first.size)
+    trust = given.copy()
+    for _ in range(rounds):
+        band[:] = prior
+        solution[:] = 0.0
+        add_pieces(first, weights, places, shifts, trust, band, solution)
+        # no extra unknowns: the factor of nothing is 1
+        border[:] = 0.0
+        corner[:] = 0.0
+        for x in range(AHEAD):
+            corner[x, x] = 1.0
+        if factorise(band, border, corner):
+            substitute(band, border, corner, solution)
+        else:
+            solution[:] = 0.0
+        misfits(first, weights, places, shifts, solution[:unknowns], misfit)
+        sigma = max(least, 1.4826 * np.median(misfit))
+        for n in range(first.size):
+            far = misfit[n] / (2.0 * sigma)
+            share = 1.0 / ((1.0 + far * far) * (1.0 + far * far))
+            trust[n, 0] = given[n, 0] * share
+            trust[n, 1] = given[n, 1] * share
