@@ -7,13 +7,12 @@ path has left its rows, nothing does.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Protocol
 
 import cv2
 import numpy as np
 
-from .agreement import agreement, block_size
+from .agreement import MIN_BLOCKS, agreement, block_size
 
 BLOCKS_ACROSS = 40  # blocks over the image's width; a band of rows is one of them high, ...
 LEAST_SIZE = 16  # ... and so many px at least: smaller ones agree by chance
@@ -44,12 +43,17 @@ def lost_rows(frame: Compared, grey: np.ndarray) -> np.ndarray:
         Its grey levels.
 
     """
-    rows = len(grey)
+    rows, columns = grey.shape
+    across = _across(grey)
+    size = block_size(columns, across)
     lost = np.zeros(rows, bool)
-    bands = _bands(grey, int(MOST * rows))
+    bands = [np.s_[at : at + size] for at in range(0, int(MOST * rows), size)]
     mirrored = [np.s_[rows - band.stop : rows - band.start] for band in bands]
     for inwards in (bands, mirrored):
-        agreed = _agreed(frame, grey, inwards)
+        agreed = [
+            agreement(frame.predicted[band], grey[band], frame.complete[band], across).share
+            for band in inwards
+        ]
         known = [share for share in agreed if share is not None]
         if min(known[:OUTERMOST], default=1.0) >= NOTHING:
             continue
@@ -62,30 +66,15 @@ def lost_rows(frame: Compared, grey: np.ndarray) -> np.ndarray:
 
 def unlike_rows(frame: Compared, grey: np.ndarray) -> np.ndarray:
     """Mark the rows (M,) bool of a frame, see `lost_rows`, in which hardly anything agrees."""
-    bands = _bands(grey, len(grey))
-    agreed = _agreed(frame, grey, bands)
-    unlike = np.array([share is not None and share < LITTLE for share in agreed], np.uint8)
-    unlike = cv2.morphologyEx(unlike[:, None], cv2.MORPH_OPEN, np.ones((IN_TURN, 1), np.uint8))
+    found = agreement(frame.predicted, grey, frame.complete, _across(grey))
+    asked, agreed = found.asked.sum(axis=1), found.agreed.sum(axis=1)
+    unlike = ((asked >= MIN_BLOCKS) & (agreed < LITTLE * asked)).astype(np.uint8)[:, None]
+    in_turn = cv2.morphologyEx(unlike, cv2.MORPH_OPEN, np.ones((IN_TURN, 1), np.uint8))[:, 0]
     rows = np.zeros(len(grey), bool)
-    for band, lost in zip(bands, unlike[:, 0], strict=True):
-        rows[band] = lost
+    rows[: len(unlike) * found.size] = in_turn.repeat(found.size)
     return rows
 
 
-def _bands(grey: np.ndarray, last: int) -> list[slice]:
-    """Cut rows 0 to `last` of an image (M, N) into bands as high as their blocks."""
-    size = block_size(grey.shape[1], _across(grey))
-    return [np.s_[at : at + size] for at in range(0, last, size)]
-
-
-def _agreed(frame: Compared, grey: np.ndarray, bands: Sequence[slice]) -> list[float | None]:
-    """Return the share of the blocks of each band that agree."""
-    across = _across(grey)
-    return [
-        agreement(frame.predicted[band], grey[band], frame.complete[band], across).share
-        for band in bands
-    ]
-
-
 def _across(grey: np.ndarray) -> int:
+    """Return how many blocks are as wide as an image (M, N)."""
     return max(1, min(BLOCKS_ACROSS, grey.shape[1] // LEAST_SIZE))
