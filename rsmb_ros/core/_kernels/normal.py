@@ -249,33 +249,9 @@ def row_steps(step, dof, times, first_time, knot_rows, knots, reach, seen):
 
 @njit(**OPTIONS)
 def next_step(
-    bands,
-    ridge,
-    stiffness,
-    damping,
-    control,
-    fixed,
-    trust,
-    pull,
-    band,
-    border,
-    corner,
-    gradient,
-    believed_band,
-    believed_border,
-    believed_corner,
-    factor_band,
-    factor_border,
-    factor_corner,
-    before,
-    share,
-    dof,
-    times,
-    first_time,
-    knot_rows,
-    reach,
-    seen,
-    step,
+    bands, ridge, stiffness, damping, control, fixed, trust, pull, band, border, corner, gradient,
+    believed_band, believed_border, believed_corner, factor_band, factor_border, factor_corner,
+    before, share, dof, times, first_time, knot_rows, reach, seen, step,
 ):
     """
     Write the `step` that solves normal equations once it is `believe`d what is believed.
@@ -290,18 +266,8 @@ def next_step(
     believed_corner[:] = corner
     step[:] = gradient
     believe(
-        bands,
-        ridge,
-        stiffness,
-        damping,
-        control,
-        fixed,
-        trust,
-        pull,
-        believed_band,
-        believed_border,
-        believed_corner,
-        step,
+        bands, ridge, stiffness, damping, control, fixed, trust, pull, believed_band,
+        believed_border, believed_corner, step,
     )
     factor_band[:] = believed_band
     factor_border[:] = believed_border
