@@ -102,3 +102,12 @@ def _largest(values: np.ndarray) -> float:
     # np.percentile would take ten times as long to find a place between two values
     at = int((values.size - 1) * SHARP_SHARE / 100)
     return float(np.partition(values, at)[at])
+
+
+def correlation(a: np.ndarray, b: np.ndarray) -> float:
+    """Normalised correlation of two images or parts of them (n,), 0 where one of them is even."""
+    a, b = a - a.mean(), b - b.mean()
+    spread = float(np.dot(a, a)), float(np.dot(b, b))
+    if min(spread) < 1e-6 * a.size:
+        return 0.0
+    return float(np.dot(a, b)) / (spread[0] * spread[1]) ** 0.5

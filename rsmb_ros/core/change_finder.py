@@ -163,7 +163,7 @@ class ChangeFinder:
             # what is known not to be ground must not have bent the path
             with clock.step('refine'):
                 before, frame = frame, stage.refined(frame, foreground)
-                if tried and not layers and moved_px(tried, frame.path) < STILL:
+                if tried is not None and not layers and moved_px(tried, frame.path) < STILL:
                     return None
                 self._match_tones(frame)
                 moved = moved_px(before.path, frame.path)

@@ -14,6 +14,7 @@ from functools import cache, cached_property
 import cv2
 import numpy as np
 
+from .agreement import correlation
 from .colour import tint_off
 from .config import ChangeConfig, LayersConfig
 from .depth_energy import BestDepth, DepthEnergy
@@ -163,7 +164,7 @@ class DepthSearch:
         `own` is what a window shows at `depth` and `shift`.
         """
         z = self._normalised(own, window)
-        alike = _correlation(own.grey[mask], self.live[window.box][mask])
+        alike = correlation(own.grey[mask], self.live[window.box][mask])
         misfit = _misfit(z[mask]) if alike > ALIKE else 1.0
         z /= np.float32(misfit)
         explained = _explained(z, mask)
@@ -217,7 +218,7 @@ class DepthSearch:
         """
         predicted, live = own.grey, self.live[window.box]
         smooth = [cv2.GaussianBlur(image, (SMOOTHING,) * 2, 0)[mask] for image in (predicted, live)]
-        if _correlation(*smooth) < UNLIKE:
+        if correlation(*smooth) < UNLIKE:
             return None
         warp = np.eye(2, 3, dtype=np.float32)
         try:
@@ -318,11 +319,3 @@ def _largest(mask: np.ndarray) -> int:
 def _misfit(z: np.ndarray) -> float:
     """How much larger normalised residuals are than noise, 1 to MAX_MISFIT."""
     return float(np.clip(1.4826 * np.median(np.abs(z)), 1.0, MAX_MISFIT))
-
-
-def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    a, b = a - a.mean(), b - b.mean()
-    spread = float(np.dot(a, a)), float(np.dot(b, b))
-    if min(spread) < 1e-6 * a.size:
-        return 0.0
-    return float(np.dot(a, b)) / (spread[0] * spread[1]) ** 0.5

@@ -10,13 +10,14 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from .agreement import correlation
 from .coarse import sub_pixel_peak
 from .frame import RegisteredFrame
 from .segmentation import Blob
 
 REACH = 4  # px that it may lie beside, less than that in fact, ...
 LEAST = 0.5  # ... and must: what is in its place has another light
-# Correlation with the ground, moved: what was misplaced has .91 to .99, objects up to .91 (570).
+# Correlation with the ground, moved: what was misplaced has .91 to .99, objects up to .91 (538).
 ALIKE = 0.93
 SAME_LEVEL = 1.1  # largest factor between the means of the two: more is a shadow, ...
 SAME_CONTRAST = (0.75, 1.33)  # ... and so is less contrast
@@ -51,13 +52,8 @@ def misplaced(blob: Blob, frame: RegisteredFrame) -> bool:
     levels = float(before.mean()), float(after.mean())
     if max(levels) > SAME_LEVEL * min(levels):
         return False
-    before, after = before - levels[0], after - levels[1]
-    spread = float(np.sqrt(before @ before)), float(np.sqrt(after @ after))
-    if min(spread) < 1e-3:
-        return False
-    low, high = SAME_CONTRAST
-    alike = float(before @ after) / (spread[0] * spread[1])
-    return alike >= ALIKE and low <= spread[1] / spread[0] <= high
+    low, high = (share * float(before.std()) for share in SAME_CONTRAST)
+    return low <= float(after.std()) <= high and correlation(before, after) >= ALIKE
 
 
 def _around(image: np.ndarray, blob: Blob) -> np.ndarray:
