@@ -8,7 +8,7 @@ the control points of the path, the light, the defocus, and the exposure when it
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
@@ -164,14 +164,32 @@ class PathEstimator:
         def finished(fit: PathFit, shared: bool = False) -> PathFit:
             return self._fit_level(finest, points[finest], fit, True, shared=shared)
 
-        # the longest first: it takes the longest
-        fits = sorted(self._executor.map(trial, reversed(tried)), key=lambda fit: fit.cost)
+        fits = sorted(self._least(trial, tried), key=lambda fit: fit.cost)
         if len(fits) == 1 or fits[0].cost <= CLEAR * fits[1].cost:
             best = finished(fits[0], shared=True)
         else:
             both = self._executor.map(finished, fits[:FINALISTS])
             best = min(both, key=lambda fit: fit.cost)
         return self._fit_levels(points[:finest], best, 0, True)
+
+    def _least(
+        self, trial: Callable[[float], PathFit], exposures: Sequence[float]
+    ) -> Iterable[PathFit]:
+        """
+        Try `exposures` from the middle ones to where the least cost has been tried on both sides.
+
+        The longest take the longest and are the least usual.
+        """
+        fits: dict[int, PathFit] = {}
+        wanted: Collection[int] = range(1, len(exposures) - 1) or range(len(exposures))
+        while wanted:
+            longest_first = sorted(wanted, reverse=True)
+            found = self._executor.map(trial, [exposures[n] for n in longest_first])
+            fits.update(zip(longest_first, found, strict=True))
+            best = min(sorted(fits), key=lambda n: fits[n].cost)
+            beside = {max(0, best - 1), min(best + 1, len(exposures) - 1)}
+            wanted = beside - fits.keys()
+        return fits.values()
 
     def _fit_levels(
         self,
