@@ -36,7 +36,7 @@ from .workers import beside, each
 LARGE_MISFIT = 0.02
 REFITS = 3  # at most: where much of a frame is no ground, one is not enough
 LAST_LOOKS = 4  # at most, for static objects that only show when others are explained
-STILL = 0.25  # px; a fit that has moved no row further needs no other
+STILL = 0.2  # px; a fit that moves no row further is not worth another look
 NEAR = 0.5  # px; a fit that has moved no row further is not repeated without ...
 SAME = 0.9  # of what two fits were to leave out, over which they leave out the same
 STATIC_COST = 0.3  # of a pixel that another depth explains against one that nothing does
@@ -121,8 +121,8 @@ class ChangeFinder:
             with clock.step('other way'):
                 # perhaps what fits in these rows is not the ground
                 ground = finding.doubtful[:, None] & (finding.seen.mask == 0)
-                other = stage.refined(finding.frame, ground)
-            if moved_px(tried, other.path) >= STILL:
+                other = stage.refined(finding.frame, ground, STILL)
+            if other is not finding.frame:
                 rival = self._settled(stage, other, clock, refused, tried)
                 if rival is not None and rival.better_than(finding):
                     finding = rival
@@ -162,16 +162,17 @@ class ChangeFinder:
             left_out = foreground
             # what is known not to be ground must not have bent the path
             with clock.step('refine'):
-                before, frame = frame, stage.refined(frame, foreground)
+                before, frame = frame, stage.refined(frame, foreground, STILL)
+                if frame is before:  # and so are the static objects
+                    if layers:
+                        frame.put_in_front(layers)
+                        seen = self._evidence(frame)
+                    break
                 if tried is not None and not layers and moved_px(tried, frame.path) < STILL:
                     return None
                 self._match_tones(frame)
                 moved = moved_px(before.path, frame.path)
-                if moved < STILL:
-                    frame.put_in_front(layers)
                 seen = self._evidence(frame)
-            if moved < STILL:  # and so are the static objects
-                break
             if self._config.layers.enabled:
                 with clock.step('layers again'):
                     known, layers = layers, self._layers(frame, seen, refused, layers)

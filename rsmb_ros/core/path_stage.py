@@ -10,7 +10,7 @@ from .config import Config
 from .frame import PathFrame, RegisteredFrame
 from .level_fit import SHARP_ROWS
 from .loose_ends import mended
-from .motion import Grid
+from .motion import Grid, moved_px
 from .path_estimator import PathEstimator
 from .path_fit import PathFit
 from .points import LiveImage
@@ -70,10 +70,18 @@ class PathStage:
         fit = self._estimator.follow(image, matches, memory)
         return self._framed(live, image, fit)
 
-    def refined(self, frame: RegisteredFrame, foreground: np.ndarray) -> RegisteredFrame:
-        """Register a frame again without its `foreground` (M, N) bool."""
+    def refined(
+        self, frame: RegisteredFrame, foreground: np.ndarray, still: float
+    ) -> RegisteredFrame:
+        """
+        Register a frame again without its `foreground` (M, N) bool.
+
+        It is returned as it is where that moves no row by `still` px.
+        """
         assert isinstance(frame, PathFrame)
         fit = self._estimator.refine(self._image(frame.grey), frame.fit, foreground)
+        if moved_px(frame.path, fit.path) < still:
+            return frame
         return self.frame_class(self._reference, frame.live, frame.grey, fit, self._executor)
 
     def look_at(self, grey: np.ndarray) -> None:

@@ -61,7 +61,9 @@ class RowStage:
         return None
 
     @staticmethod
-    def refined(frame: RegisteredFrame, foreground: np.ndarray) -> RegisteredFrame:
+    def refined(
+        frame: RegisteredFrame, foreground: np.ndarray, still: float
+    ) -> RegisteredFrame:
         """Return the frame as it is: the report solves rows once."""
         return frame
 
