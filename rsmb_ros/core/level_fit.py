@@ -35,6 +35,7 @@ RELINEARISE = 0.25  # px of the level the rows may move, rms, before Jacobians a
 # Per pyramid level, full size first; the last entry serves all coarser ones.
 ITERATIONS = (8, 16, 20)
 STOP_STEP = (0.01, 0.04, 0.3)  # px, how far a step still moves the rows, rms
+STOOD = 0.05  # px likewise, of the first step of a fit that is near: it needs no second one
 # Stiffness at the first and from the fourth iteration: an object at another depth must not bend
 # the path while it is far off; a shaken camera must bend it in the end.
 STIFFNESS = ((0.1, 0.003), (1.0, 0.1), (1.0, 0.1))
@@ -121,7 +122,8 @@ class LevelFit:
             step, share, row_step = linear.step(priors, base, fit.sigma, step, share)
             moved += row_step
             fit = _stepped(base, step, self._dof, start_exposure)
-            if iteration >= RELAXED_AFTER and row_step < STOP_STEP[self._stage]:
+            stop = STOOD if near and iteration == begin else STOP_STEP[self._stage]
+            if iteration >= RELAXED_AFTER and row_step < stop:
                 break
         fit = replace(fit, exposure_held=EXPOSED in held)
         if self._level.number:
