@@ -116,7 +116,8 @@ class ChangeFinder:
         refused = Refused()
         finding = self._settled(stage, frame, clock, refused)
         assert finding is not None  # nothing was tried before
-        if finding.doubtful.any():
+        # of two planes nothing tells which is the ground where no depth may explain the other
+        if finding.doubtful.any() and self._config.layers.enabled:
             tried = finding.frame.path
             with clock.step('other way'):
                 # perhaps what fits in these rows is not the ground
