@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from .regions import change_region, in_shade
 from .segmentation import Blob, blobs, drawn, tightened, without_small, without_thin, without_weak
 from .shadows import shadow_like
 from .types import Region
+from .workers import each
 
 
 @dataclass(frozen=True)
@@ -25,9 +28,9 @@ class Change:
     region: Region
 
 
-def changes_of(finding: Finding, config: ChangeConfig) -> list[Change]:
+def changes_of(finding: Finding, config: ChangeConfig, executor: Executor) -> list[Change]:
     """
-    Return the changes of a frame, top to bottom.
+    Return the changes of a frame, top to bottom; threads of `executor` look at one each.
 
     What is left of a candidate when static objects, unknown pixels and the width of the evidence's
     window are cut away must still be large enough and reach `threshold_high` by itself. Rims of
@@ -41,23 +44,27 @@ def changes_of(finding: Finding, config: ChangeConfig) -> list[Change]:
         mask = without_weak(mask, seen.strength, config)
     rims = depth_rims(mask, finding.layers)
     frame.judged &= rims == 0
-    changes = []
-    for blob in [
-        part
-        for whole in blobs(mask & (1 - rims))
-        for part in parted(whole, seen, frame.judged, config)
-    ]:
-        region = change_region(blob, seen.strength, frame.judged)
-        if region.score < config.min_score:
-            continue
-        if shadow_like(blob, finding, config.threshold_high):
-            if config.shadows == 'report':
-                changes.append(Change(blob, in_shade(region)))
-        elif misplaced(blob, frame):
+    part = partial(parted, seen=seen, judged=frame.judged, config=config)
+    parts = [one for found in each(executor, part, blobs(mask & (1 - rims))) for one in found]
+    decided = each(executor, partial(_decided, finding=finding, config=config), parts)
+    for blob, (_, known) in zip(parts, decided, strict=True):
+        if not known:
             frame.judged[blob.box] &= ~blob.mask
-        else:
-            changes.append(Change(blob, region))
-    return changes
+    return [change for change, _ in decided if change is not None]
+
+
+def _decided(blob: Blob, finding: Finding, config: ChangeConfig) -> tuple[Change | None, bool]:
+    """Return the change that a part is, if it is one, and whether that can be known."""
+    frame, seen = finding.frame, finding.seen
+    region = change_region(blob, seen.strength, frame.judged)
+    if region.score < config.min_score:
+        return None, True
+    if shadow_like(blob, finding, config.threshold_high):
+        reported = config.shadows == 'report'
+        return Change(blob, in_shade(region)) if reported else None, True
+    if misplaced(blob, frame):
+        return None, False
+    return Change(blob, region), True
 
 
 def mask_of(changes: list[Change], shape: tuple[int, ...]) -> np.ndarray:

@@ -183,7 +183,7 @@ class Detector:
         if self.config.stream.hold and isinstance(finding.frame, PathFrame):
             assert isinstance(frame, PathFrame)
             self._memory.learn(frame.fit, finding.frame.fit)
-        return outcome_of(finding, self.config.change, clock)
+        return outcome_of(finding, self.config.change, self._executor, clock)
 
     def _following(
         self,

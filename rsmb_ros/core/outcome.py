@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -28,10 +29,12 @@ class Outcome:
     path: CameraPath | None = None  # None: not registered, there is nothing to remember
 
 
-def outcome_of(finding: Finding, config: ChangeConfig, clock: Clock) -> Outcome:
+def outcome_of(
+    finding: Finding, config: ChangeConfig, executor: Executor, clock: Clock
+) -> Outcome:
     """Return what a registered frame says."""
     frame = finding.frame
-    changes = changes_of(finding, config)
+    changes = changes_of(finding, config, executor)
     mask = mask_of(changes, frame.grey.shape)
     result = Result(
         status=REGISTERED,

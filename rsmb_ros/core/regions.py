@@ -82,12 +82,12 @@ def static_region(layer: Layer) -> Region:
 
 
 def _region(blob: Blob, kind: str, score: float, depth: float | None = None) -> Region:
-    rows, cols = np.nonzero(blob.mask)
+    left, top, width, height = cv2.boundingRect(blob.mask.astype(np.uint8))
     return Region(
-        x=blob.x + int(cols.min()),
-        y=blob.y + int(rows.min()),
-        width=int(cols.max() - cols.min()) + 1,
-        height=int(rows.max() - rows.min()) + 1,
+        x=blob.x + left,
+        y=blob.y + top,
+        width=width,
+        height=height,
         area=blob.area,
         kind=kind,
         score=score,

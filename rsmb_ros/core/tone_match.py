@@ -104,13 +104,17 @@ def _curve(table: np.ndarray) -> tuple[np.ndarray, bool]:
     """
     Lay a curve through the sums of places and bins (n, 3), see `count_offsets`.
 
-    Returns its offsets at the knots (KNOTS,) and whether it explains enough.
+    Returns its offsets at the knots (KNOTS,), 0 where little is to be explained, and whether it
+    explains enough.
     """
     curve = np.zeros(KNOTS)
     number, intensity, offset = table[table[:, 0] >= FEWEST].T
     if len(number) < KNOTS:
         return curve, False
     at, off = intensity / number * ((KNOTS - 1) / 255.0), offset / number
+    without = _cost(off)
+    if without <= LEAST:
+        return curve, False
     bends = np.diff(np.eye(KNOTS), 2, axis=0)
     prior = STIFFNESS * bends.T @ bends + STILL * np.eye(KNOTS)
     for _ in range(ROUNDS):
@@ -120,5 +124,9 @@ def _curve(table: np.ndarray) -> tuple[np.ndarray, bool]:
         if np.abs(curve - last).max() < STANDS:
             break
     left = off - np.interp(at, np.arange(KNOTS), curve)
-    without, misfit = (float(np.minimum(np.abs(one), OUTLIER).mean()) for one in (off, left))
-    return curve, without - misfit > max(LEAST, LEAST_SHARE * without)
+    return curve, without - _cost(left) > max(LEAST, LEAST_SHARE * without)
+
+
+def _cost(off: np.ndarray) -> float:
+    """Return what places are off by (n,), in the mean, outliers truncated [grey levels]."""
+    return float(np.minimum(np.abs(off), OUTLIER).mean())

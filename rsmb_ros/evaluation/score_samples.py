@@ -60,7 +60,7 @@ def samples_of(case: Case, config: Config) -> Iterator[Sample]:
         return
     found = finder.last
     near = _near(case.label != UNCHANGED)
-    for change in changes_of(found, config.change):
+    for change in changes_of(found, config.change, detector._executor):
         right = _covers(change.blob, case.label == CHANGED)
         if right or not _covers(change.blob, near):
             traits = traits_of(change.blob, found.seen.strength, found.frame.judged)

@@ -9,9 +9,11 @@ import numpy as np
 
 from rsmb_ros.core.changes import changes_of, mask_of
 from rsmb_ros.core.config import ChangeConfig
+from rsmb_ros.core.workers import workers
 
 SHAPE = (240, 320)
 CONFIG = ChangeConfig()
+TWO = workers(2)
 
 
 def finding(mask, strength, judged=None):
@@ -27,7 +29,7 @@ def test_changes_make_up_the_mask():
     mask = np.zeros(SHAPE, np.uint8)
     mask[40:70, 50:90] = mask[150:180, 200:240] = 1
     strength = np.where(mask > 0, np.float32(8.0), np.float32(1.0))
-    changes = changes_of(finding(mask, strength), CONFIG)
+    changes = changes_of(finding(mask, strength), CONFIG, TWO)
     assert [(one.region.x, one.region.y, one.region.area) for one in changes] == [
         (50, 40, 1200),
         (200, 150, 1200),
@@ -41,11 +43,11 @@ def test_what_is_left_of_a_change_must_stand_by_itself():
     mask[40:70, 50:120] = 1
     strength = np.where(mask > 0, np.float32(4.5), np.float32(1.0))
     strength[40:70, 50:80] = 9.0
-    whole = changes_of(finding(mask, strength), CONFIG)
+    whole = changes_of(finding(mask, strength), CONFIG, TWO)
     assert [one.region.area for one in whole] == [2100]
     judged = np.ones(SHAPE, bool)
     judged[:, :85] = False
-    assert changes_of(finding(mask, strength, judged), CONFIG) == []
+    assert changes_of(finding(mask, strength, judged), CONFIG, TWO) == []
 
 
 def test_an_unlikely_change_is_not_reported():
@@ -53,7 +55,7 @@ def test_an_unlikely_change_is_not_reported():
     mask[40:70, 50:90] = mask[150:180, 200:240] = 1
     strength = np.where(mask > 0, np.float32(8.0), np.float32(1.0))
     strength[150:180, 200:240] = 5.2
-    every = changes_of(finding(mask, strength), replace(CONFIG, min_score=0.0))
+    every = changes_of(finding(mask, strength), replace(CONFIG, min_score=0.0), TWO)
     likely, unlikely = (one.region.score for one in every)
     assert unlikely < CONFIG.min_score < likely
-    assert [one.region.x for one in changes_of(finding(mask, strength), CONFIG)] == [50]
+    assert [one.region.x for one in changes_of(finding(mask, strength), CONFIG, TWO)] == [50]
