@@ -39,7 +39,7 @@ SURE_SHARE = 0.5  # ... unless this share is explained
 ALIKE = 0.9  # correlation of an object that may fit less well than its surroundings ...
 MAX_MISFIT = 2.5  # ... by so much
 MAX_ENERGY_RATIO = 0.85  # of the energy at the background's depth
-UNLIKE = 0.3  # correlation below which no small shift makes an object alike
+UNLIKE = 0.5  # correlation below which no small shift makes an object alike; .56 and more where one did
 SMOOTHING = 5  # px, of what shifts are found by
 MIN_DISPLACED = 0.3  # of an object that must stand out where it is displaced from or to, too
 MAX_SHIFT = 0.5  # of an object's parallax: tilt and translation are not told apart better
@@ -126,6 +126,8 @@ class DepthSearch:
 
         @cache  # what is judged at a depth is where a shift from there begins
         def shown(depth: float, shift: tuple[float, float] = NO_SHIFT) -> Shown:
+            if depth == 1.0 and shift == NO_SHIFT:
+                return self.frame.ground(window)
             return self.frame.render(depth, window, shift)
 
         if best.energy < MAX_ENERGY_RATIO * best.background:

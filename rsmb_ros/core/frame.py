@@ -56,6 +56,7 @@ class RegisteredFrame(ABC):
 
     def _compare(self, shown: Shown) -> None:
         """Compare the live frame with what the reference shows."""
+        self._ground = shown
         self.predicted, self._colours, self.complete = shown
         self.residual = self.grey - self.predicted
         self.misfit = np.ones(self.grey.shape, np.float32)
@@ -101,6 +102,12 @@ class RegisteredFrame(ABC):
     @abstractmethod
     def render(self, depth: float, window: Window, shift: tuple[float, float] = NO_SHIFT) -> Shown:
         """Show a layer at relative depth `depth`, moved by `shift` x, y [px]."""
+
+    def ground(self, window: Window) -> Shown:
+        """Show the background without anything in front of it; not to be written to."""
+        grey, colours, complete = self._ground
+        box = window.box
+        return Shown(grey[box], None if colours is None else colours[box], complete[box])
 
     def predict(self) -> Shown:
         """Show the whole live frame as the reference knows it."""
@@ -171,6 +178,9 @@ class RegisteredFrame(ABC):
     def put_in_front(self, layers: list[Layer]) -> None:
         """Composite static objects over the background; their edges are no longer judged."""
         self._fronts = self._hidden.of(layers)
+        if self.predicted is self._ground.grey:  # which must stay as it is
+            self.predicted = self.predicted.copy()
+            self._colours = None if self._colours is None else self._colours.copy()
         new = [front for front in self._fronts if front not in self._in_front]
         self._in_front.update(zip(new, each(self._executor, self._own, new), strict=True))
         for front in self._fronts:
