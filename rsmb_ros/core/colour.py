@@ -89,6 +89,9 @@ def tint_off(live: np.ndarray, predicted: np.ndarray, mask: np.ndarray) -> float
     """Return by how many levels most of a mask (M, N) bool has another tint than predicted."""
     if not mask.any():
         return 0.0
-    known, seen = (cv2.cvtColor(image, cv2.COLOR_BGR2YCrCb) for image in (predicted, live))
-    off = cv2.blur(cv2.subtract(seen, known, dtype=cv2.CV_32F), (WINDOW, WINDOW))
-    return float(np.median(np.abs(off[mask][:, 1:]).max(axis=-1)))
+    known, seen = (
+        cv2.split(cv2.cvtColor(image, cv2.COLOR_BGR2YCrCb))[1:] for image in (predicted, live)
+    )
+    apart = (cv2.subtract(*pair, dtype=cv2.CV_32F) for pair in zip(seen, known, strict=True))
+    off = [np.abs(cv2.blur(one, (WINDOW, WINDOW))[mask]) for one in apart]
+    return float(np.median(np.maximum(*off)))
