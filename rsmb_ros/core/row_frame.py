@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from .agreement import Agreement
 from .config import Config
 from .frame import RegisteredFrame
 from .layers import NO_SHIFT
@@ -58,6 +59,11 @@ class RowStage:
     @staticmethod
     def shaken(refused: RegisteredFrame, matches: StripMatches) -> RegisteredFrame | None:
         """Return None: rows follow their neighbours however they shake."""
+        return None
+
+    @staticmethod
+    def swept(frame: RegisteredFrame, found: Agreement) -> RegisteredFrame | None:
+        """Return None: rows are swept already."""
         return None
 
     @staticmethod

@@ -1,0 +1,55 @@
+"""Whether a fitted frame may be trusted."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from dataclasses import dataclass
+
+import numpy as np
+
+from .agreement import MIN_SHARPNESS, Agreement, agreement, sharpness
+from .config import RegistrationConfig
+from .frame import RegisteredFrame
+
+KEPT = 0.95  # share of the blocks that agree by one path that must agree by a better one
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is thought of a fitted frame."""
+
+    problem: str  # why it must not be trusted, '' when it may
+    found: Agreement | None = None  # None where too little of it lies in the reference
+
+    def keeps(self, other: Agreement) -> bool:
+        """Whether the frame may be trusted and does not agree in less than by another path."""
+        if self.problem or self.found is None:
+            return False
+        return np.count_nonzero(self.found.agreed) >= KEPT * np.count_nonzero(other.agreed)
+
+
+def verdict_on(frame: RegisteredFrame, limits: RegistrationConfig, executor: Executor) -> Verdict:
+    """Say what is thought of a frame, as fitted; threads of `executor` share the work."""
+    overlap = np.count_nonzero(frame.complete) / frame.complete.size
+    if overlap < limits.min_overlap:
+        return Verdict(
+            f'no overlap: {overlap:.0%} of the frame lies in the reference, '
+            f'{limits.min_overlap:.0%} needed'
+        )
+    found = agreement(frame.predicted, frame.grey, frame.complete)
+    alike, agreed = found.within(frame.judged), found.share
+    sharp = sharpness(frame.predicted, frame.grey, alike, executor)
+    problem = ''
+    if agreed is None:
+        problem = 'no texture where the live frame overlaps the reference'
+    elif agreed < limits.min_agreement:
+        problem = (
+            f'live frame and reference do not match: {agreed:.0%} of the textured blocks '
+            f'agree, {limits.min_agreement:.0%} needed'
+        )
+    elif sharp < MIN_SHARPNESS:
+        problem = (
+            'live frame and reference do not match: only a blur that the live frame does not '
+            f'have makes them alike, sharpness {sharp:.2f} < {MIN_SHARPNESS}'
+        )
+    return Verdict(problem, found)
