@@ -95,12 +95,12 @@ def swept(
     """
     n = level_of(estimator)
     sweep = _Sweep(live.points(estimator.levels), estimator, n)
-    fit = replace(fit, lost=None)
+    free, fit = not fit.exposure_held, replace(fit, lost=None)
     for known, end in _steps(held, len(live.grey), round(STEP * 2.0**n)):
         fit = sweep.further(fit, known, end)
     for level, points in reversed(list(enumerate(live.points(n + 1)))):
         whole = estimator.level_fit(level, points, fit.path)
-        fit = whole.run(fit, not fit.exposure_held, near=True)
+        fit = whole.run(fit, free, near=True)
     return fit
 
 
