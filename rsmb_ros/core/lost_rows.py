@@ -65,13 +65,21 @@ def lost_rows(frame: Compared, grey: np.ndarray) -> np.ndarray:
 
 
 def unlike_rows(frame: Compared, grey: np.ndarray) -> np.ndarray:
-    """Mark the rows (M,) bool of a frame, see `lost_rows`, in which hardly anything agrees."""
+    """
+    Mark the rows (M,) bool of a frame, see `lost_rows`, in which hardly anything agrees.
+
+    And those next to them, up to where most does: a path leaves its rows little by little.
+    """
     found = agreement(frame.predicted, grey, frame.complete, _across(grey))
     asked, agreed = found.asked.sum(axis=1), found.agreed.sum(axis=1)
-    unlike = ((asked >= MIN_BLOCKS) & (agreed < LITTLE * asked)).astype(np.uint8)[:, None]
-    in_turn = cv2.morphologyEx(unlike, cv2.MORPH_OPEN, np.ones((IN_TURN, 1), np.uint8))[:, 0]
+    known = asked >= MIN_BLOCKS
+    unlike = (known & (agreed < LITTLE * asked)).astype(np.uint8)[:, None]
+    in_turn = cv2.morphologyEx(unlike, cv2.MORPH_OPEN, np.ones((IN_TURN, 1), np.uint8))[:, 0] > 0
+    right = known & (agreed >= AGREES * asked)
+    between = np.cumsum(right)  # the same for all bands between two that are right
+    lost = ~right & np.isin(between, between[in_turn])
     rows = np.zeros(len(grey), bool)
-    rows[: len(unlike) * found.size] = in_turn.repeat(found.size)
+    rows[: len(lost) * found.size] = lost.repeat(found.size)
     return rows
 
 

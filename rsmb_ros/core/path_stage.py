@@ -77,7 +77,7 @@ class PathStage:
         if held is None:
             return None
         image = self._image(frame.grey)
-        fit = swept(frame.fit, image, self._estimator, held)
+        fit = swept(frame.fit, image, self._estimator, held, self._executor)
         if fit.cost >= SWEPT * frame.fit.cost:
             return None
         return self._framed(frame.live, image, fit)

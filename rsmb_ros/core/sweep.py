@@ -11,7 +11,9 @@ there: as the report sweeps its rows, but with their blur.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from .motion import CameraPath
 from .path_estimator import PathEstimator
 from .path_fit import PathFit
 from .points import LiveImage, Points
+from .workers import each
 
 AGREES = 0.6  # share of the blocks that agree from which on a band of rows is held, ...
 LOST = 0.3  # ... and below which it is lost
@@ -77,7 +80,11 @@ def held_rows(found: Agreement, rows: int, n: int) -> tuple[int, int] | None:
 
 
 def swept(
-    fit: PathFit, live: LiveImage, estimator: PathEstimator, held: tuple[int, int]
+    fit: PathFit,
+    live: LiveImage,
+    estimator: PathEstimator,
+    held: tuple[int, int],
+    executor: Executor,
 ) -> PathFit:
     """
     Fit the path of `live` again, from the rows that are `held` (first, last) to its ends.
@@ -91,10 +98,12 @@ def swept(
         What fitted it.
     held : tuple of int
         See `held_rows`.
+    executor : Executor
+        Threads that share the work.
 
     """
     n = level_of(estimator)
-    sweep = _Sweep(live.points(estimator.levels), estimator, n)
+    sweep = _Sweep(live.points(estimator.levels), estimator, n, executor)
     free, fit = not fit.exposure_held, replace(fit, lost=None)
     for known, end in _steps(held, len(live.grey), round(STEP * 2.0**n)):
         fit = sweep.further(fit, known, end)
@@ -118,10 +127,13 @@ def _steps(held: tuple[int, int], rows: int, step: int) -> Iterator[tuple[tuple[
 class _Sweep:
     """Takes a path over more and more rows of the `points` at all sizes, by those of size `n`."""
 
-    def __init__(self, points: Sequence[Points], estimator: PathEstimator, n: int) -> None:
+    def __init__(
+        self, points: Sequence[Points], estimator: PathEstimator, n: int, executor: Executor
+    ) -> None:
         self._points = points
         self._estimator = estimator
         self._n = n
+        self._executor = executor
 
     def further(self, fit: PathFit, known: tuple[int, int], end: int) -> PathFit:
         """Fit the path of the rows that are `known` (first, last) as far as row `end`, too."""
@@ -139,16 +151,16 @@ class _Sweep:
             return float(seen.mean()) if seen.size > LEAST_SEEN * points.columns.size else UNSEEN
 
         turned = [self._turned(ahead, bend, row, down) for bend in _BENDS]
-        misfits = np.array([misfit(fit) for fit in turned])
-        best = np.argsort(misfits * _LAZY, kind='stable')[:FINALISTS]
+        misfits = np.array(each(self._executor, misfit, turned))
+        best = [turned[k] for k in np.argsort(misfits * _LAZY, kind='stable')[:FINALISTS]]
         rows = min(first, end), max(last, end)
-        return min((self._fitted(turned[k], rows) for k in best), key=misfit)
+        return min(each(self._executor, partial(self._fitted, rows), best), key=misfit)
 
-    def _fitted(self, fit: PathFit, rows: tuple[int, int]) -> PathFit:
+    def _fitted(self, rows: tuple[int, int], fit: PathFit) -> PathFit:
         """Fit some `rows` (first, last), the smallest images first."""
         for n in range(len(self._points) - 1, self._n - 1, -1):
             points = self._points[n].between(*rows, n)
-            level = self._estimator.level_fit(n, points, fit.path)
+            level = self._estimator.level_fit(n, points, fit.path, shared=False)
             fit = level.run(fit, False, ITERATIONS, near=True)
         return fit
 
