@@ -34,7 +34,7 @@ from .start import StripMatches
 from .stream import StreamMemory
 from .tone import USUAL, ToneSearch, probing
 from .types import NOT_REGISTERED, Result
-from .verdict import Verdict, verdict_on
+from .verdict import Verdict, problem_of_rest, verdict_on
 from .workers import beside, workers
 
 MIN_CONTRAST = 1.5  # grey levels; an image flatter than this has no texture
@@ -184,6 +184,11 @@ class Detector:
             return Outcome(self._not_registered(live, verdict.problem, clock))
         frame = found or frame
         finding = self._finder.find(stage, frame, clock)
+        if finding.lost is not None:
+            needed = self.config.registration.min_agreement
+            problem = problem_of_rest(finding.frame, grey, finding.lost, needed)
+            if problem:
+                return Outcome(self._not_registered(live, problem, clock))
         if self.config.stream.hold and isinstance(finding.frame, PathFrame):
             assert isinstance(frame, PathFrame)
             self._memory.learn(frame.fit, finding.frame.fit)

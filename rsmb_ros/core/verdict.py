@@ -10,6 +10,7 @@ import numpy as np
 from .agreement import MIN_SHARPNESS, Agreement, agreement, sharpness
 from .config import RegistrationConfig
 from .frame import RegisteredFrame
+from .lost_rows import Compared
 
 KEPT = 0.95  # share of the blocks that agree by one path that must agree by a better one
 
@@ -53,3 +54,29 @@ def verdict_on(frame: RegisteredFrame, limits: RegistrationConfig, executor: Exe
             f'have makes them alike, sharpness {sharp:.2f} < {MIN_SHARPNESS}'
         )
     return Verdict(problem, found)
+
+
+def problem_of_rest(frame: Compared, grey: np.ndarray, lost: np.ndarray, needed: float) -> str:
+    """
+    Say why what is left of a frame must not be trusted, '' where it may.
+
+    Parameters
+    ----------
+    frame : Compared
+        With all that explains it.
+    grey : ndarray of shape (M, N), float32
+        Its grey levels.
+    lost : ndarray of shape (M,), bool
+        Rows at which the path does not lie: they agree by chance.
+    needed : float
+        Share of all textured blocks that must agree in the other rows.
+
+    """
+    found = agreement(frame.predicted, grey, frame.complete)
+    share = found.without(lost).share
+    if share is None or share >= needed:
+        return ''
+    return (
+        f'path lost in {lost.mean():.0%} of the rows: in the others {share:.0%} of all textured '
+        f'blocks agree, {needed:.0%} needed'
+    )

@@ -62,7 +62,7 @@ def detected(found: Case, **sections) -> Result:
     return Detector(found.reference, CAMERA, Config.from_mapping(sections)).detect(found.live)
 
 
-@pytest.mark.parametrize('seed', [4, 5, 6, 20])
+@pytest.mark.parametrize('seed', [4, 5, 6, 8])
 def test_rows_that_the_start_loses_are_swept_up(texture, seed, monkeypatch):
     found = case(texture, seed)
     result = detected(found)
@@ -71,6 +71,16 @@ def test_rows_that_the_start_loses_are_swept_up(texture, seed, monkeypatch):
     assert abs(result.exposure_rows - 8.0) < 0.5
     monkeypatch.setattr(PathStage, 'swept', lambda *_: None)
     assert off(found, detected(found)) > 0.2
+
+
+def test_little_that_is_left_of_a_frame_is_not_judged(texture, monkeypatch):
+    found = case(texture, 20)
+    assert off(found, detected(found)) < 0.02
+    monkeypatch.setattr(PathStage, 'swept', lambda *_: None)
+    result = detected(found)
+    assert result.status == 'not_registered'
+    assert result.reason.startswith('path lost in 33% of the rows: in the others')
+    assert np.isnan(result.row_motion).all()
 
 
 def test_rows_read_bottom_up_are_swept_up(texture, monkeypatch):
