@@ -24,8 +24,7 @@ from .sweep import held_rows, level_of, swept
 # Of the misfit of a frame that was refused: denser knots from the start leave 0.3 to 0.6 of it
 # where they are right, 0.98 and more where the frame shows another place or is blurred.
 SHAKEN = 0.75
-# Likewise of a frame that has lost some of its rows, by a path that finds them again.
-SWEPT = 0.9
+SWEPT = 0.9  # likewise of a frame that has lost rows, above which no path has found them again
 
 
 class PathStage:

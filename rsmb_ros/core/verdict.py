@@ -12,8 +12,6 @@ from .config import RegistrationConfig
 from .frame import RegisteredFrame
 from .lost_rows import Compared
 
-KEPT = 0.95  # share of the blocks that agree by one path that must agree by a better one
-
 
 @dataclass(frozen=True)
 class Verdict:
@@ -22,11 +20,10 @@ class Verdict:
     problem: str  # why it must not be trusted, '' when it may
     found: Agreement | None = None  # None where too little of it lies in the reference
 
-    def keeps(self, other: Agreement) -> bool:
-        """Whether the frame may be trusted and does not agree in less than by another path."""
-        if self.problem or self.found is None:
-            return False
-        return np.count_nonzero(self.found.agreed) >= KEPT * np.count_nonzero(other.agreed)
+    def misfit(self, frame: RegisteredFrame) -> float:
+        """Residual of the frame for each block that agrees: it must not go by less being seen."""
+        agreed = 0 if self.found is None else np.count_nonzero(self.found.agreed)
+        return frame.cost / agreed if agreed else np.inf
 
 
 def verdict_on(frame: RegisteredFrame, limits: RegistrationConfig, executor: Executor) -> Verdict:

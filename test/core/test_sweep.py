@@ -58,8 +58,9 @@ def off(found: Case, result: Result) -> float:
     return float((np.median(np.hypot(*np.moveaxis(apart, -1, 0)), axis=1) > OFF).mean())
 
 
-def detected(found: Case, **sections) -> Result:
-    return Detector(found.reference, CAMERA, Config.from_mapping(sections)).detect(found.live)
+def detected(found: Case, depth=None, **sections) -> Result:
+    config = Config.from_mapping(sections)
+    return Detector(found.reference, CAMERA, config, depth).detect(found.live)
 
 
 @pytest.mark.parametrize('seed', [4, 5, 6, 8])
@@ -89,6 +90,42 @@ def test_rows_read_bottom_up_are_swept_up(texture, monkeypatch):
     assert off(found, detected(found, **settings)) < 0.02
     monkeypatch.setattr(PathStage, 'swept', lambda *_: None)
     assert off(found, detected(found, **settings)) > 0.2
+
+
+def test_rows_are_swept_up_where_the_depth_is_known(texture, monkeypatch):
+    found = case(texture, 4)
+    flat = np.ones(SHAPE, np.float32)
+    assert off(found, detected(found, flat)) < 0.02
+    monkeypatch.setattr(PathStage, 'swept', lambda *_: None)
+    assert off(found, detected(found, flat)) > 0.1
+
+
+def test_a_gust_in_a_stream_is_swept_up(texture, monkeypatch):
+    calm, gust = case(texture, 9, blur=1.0), case(texture, 4)
+
+    def second() -> Result:
+        detector = Detector(calm.reference, CAMERA, Config.from_mapping({'stream.hold': True}))
+        assert off(calm, detector.detect(calm.live)) == 0.0
+        return detector.detect(gust.live)
+
+    assert off(gust, second()) < 0.02
+    monkeypatch.setattr(PathStage, 'swept', lambda *_: None)
+    plain = second()
+    assert plain.status == 'not_registered' or off(gust, plain) > 0.2
+
+
+@pytest.mark.parametrize(('unseen', 'taken'), [(0, True), (100, False)])
+def test_a_sweep_must_not_misfit_less_by_seeing_less(texture, monkeypatch, unseen, taken):
+    found, frames = case(texture, 9, blur=1.0), []
+
+    def leaving(stage, frame, _):
+        frames.append(stage.refined(frame, np.zeros(SHAPE, bool)))
+        frames[0].complete[:unseen] = False
+        frames[0].residual *= 0.7
+        return frames[0]
+
+    monkeypatch.setattr(PathStage, 'swept', leaving)
+    assert (detected(found).views is frames[0]) == taken
 
 
 def test_a_large_change_is_not_swept_away(texture, texture_of, monkeypatch):
