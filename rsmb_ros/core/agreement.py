@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import cv2
@@ -45,6 +45,11 @@ class Agreement:
         inside = np.zeros_like(mask)
         inside[:rows, :columns] = mask[:rows, :columns] & agreed
         return inside
+
+    def without(self, rows: np.ndarray) -> Agreement:
+        """Return what agrees where no block in some `rows` (M,) bool of the images does."""
+        bands = rows[: len(self.agreed) * self.size].reshape(-1, self.size).any(axis=1)
+        return replace(self, agreed=self.agreed & ~bands[:, None])
 
 
 def agreement(

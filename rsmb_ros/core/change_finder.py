@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import cv2
@@ -90,6 +90,7 @@ class Finding:
     seen: Seen
     layers: tuple[Layer, ...]
     doubtful: np.ndarray  # (M,) bool, rows whose path may follow something else than the ground
+    lost: np.ndarray | None = None  # (M,) bool, rows at which the path does not lie; None: none
 
     @property
     def not_ground(self) -> float:
@@ -128,9 +129,10 @@ class ChangeFinder:
                 if rival is not None and rival.better_than(finding):
                     finding = rival
         lost = unlike_rows(finding.frame, finding.frame.grey)
-        if lost.any():
-            finding.frame.lose(lost)
-        return finding
+        if not lost.any():
+            return finding
+        finding.frame.lose(lost)
+        return replace(finding, lost=lost)
 
     def _settled(
         self,

@@ -12,7 +12,6 @@ import cv2
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from .agreement import MIN_SHARPNESS, agreement, sharpness
 from .camera import Camera
 from .change_finder import ChangeFinder
 from .checks import checked_image, checked_layers
@@ -35,9 +34,13 @@ from .start import StripMatches
 from .stream import StreamMemory
 from .tone import USUAL, ToneSearch, probing
 from .types import NOT_REGISTERED, Result
+from .verdict import Verdict, problem_of_rest, verdict_on
 from .workers import beside, workers
 
 MIN_CONTRAST = 1.5  # grey levels; an image flatter than this has no texture
+# Misfit of a swept frame over that before, up to 0.75 where rows were found again, above 0.86 where
+# they were not.
+SWEPT = 0.8
 NO_SEARCH = {'layers.enabled': False}  # of depths, where they are known
 
 _BLAS = ThreadpoolController()
@@ -162,24 +165,33 @@ class Detector:
             with clock.step('tone curve'):
                 self._show_by(self._tones.gamma_for(live))
         coarse, features, stage = self._stages_for(grey.shape)
-        frame: RegisteredFrame | None = self._following(coarse, stage, live, grey, clock)
-        if frame is None:
+        following = self._following(coarse, stage, live, grey, clock)
+        frame: RegisteredFrame
+        if following is not None:
+            frame, verdict = following
+        else:
             with clock.step('coarse'):
                 matches = self._matched(coarse, stage, grey)
             with clock.step('registration'):
                 frame = stage.frame(live, grey, matches)
-                problem = self._misfit(frame)
-        if problem:
-            with clock.step('second start'):
-                others = (
+                verdict = self._verdict(frame)
+        with clock.step('second start' if verdict.problem else 'registration'):
+            others = [self._swept(stage, frame, verdict)]
+            if verdict.problem:
+                others += [
                     self._second_start(stage, live, grey, features.match(grey)),
                     self._shaken(stage, frame, matches),
-                )
-                found = min(filter(None, others), key=lambda one: one.cost, default=None)
-                frame, problem = (found, '') if found else (frame, problem)
-        if problem:
-            return Outcome(self._not_registered(live, problem, clock))
+                ]
+            found = min(filter(None, others), key=lambda one: one.cost, default=None)
+        if verdict.problem and not found:
+            return Outcome(self._not_registered(live, verdict.problem, clock))
+        frame = found or frame
         finding = self._finder.find(stage, frame, clock)
+        if finding.lost is not None:
+            needed = self.config.registration.min_agreement
+            problem = problem_of_rest(finding.frame, grey, finding.lost, needed)
+            if problem:
+                return Outcome(self._not_registered(live, problem, clock))
         if self.config.stream.hold and isinstance(finding.frame, PathFrame):
             assert isinstance(frame, PathFrame)
             self._memory.learn(frame.fit, finding.frame.fit)
@@ -192,7 +204,7 @@ class Detector:
         live: np.ndarray,
         grey: np.ndarray,
         clock: Clock,
-    ) -> PathFrame | None:
+    ) -> tuple[PathFrame, Verdict] | None:
         """Register from where the last frame was; None where that does not lead anywhere."""
         if self._memory.last is None or isinstance(stage, RowStage):
             return None
@@ -202,8 +214,9 @@ class Detector:
             matches = self._matched(coarse, stage, grey, place)
         with clock.step('registration'):
             frame = stage.following(live, grey, matches, self._memory)
-            good = self._memory.plausible(frame.fit) and not self._misfit(frame)
-        return frame if good else None
+            verdict = self._verdict(frame)
+        good = self._memory.plausible(frame.fit) and not verdict.problem
+        return (frame, verdict) if good else None
 
     def _matched(
         self,
@@ -230,7 +243,7 @@ class Detector:
             return None
         # where a scene is no plane, blur hides what does not fit: try without as well
         frames = (stage.frame(live, grey, matches, sharp) for sharp in (False, True))
-        fitting = [frame for frame in frames if not self._misfit(frame)]
+        fitting = [frame for frame in frames if not self._verdict(frame).problem]
         return min(fitting, key=lambda frame: frame.cost, default=None)
 
     def _shaken(
@@ -238,7 +251,24 @@ class Detector:
     ) -> RegisteredFrame | None:
         """Register a frame that may shake too much for the first start; None when it does not."""
         frame = stage.shaken(refused, matches)
-        return None if frame is None or self._misfit(frame) else frame
+        return None if frame is None or self._verdict(frame).problem else frame
+
+    def _swept(
+        self, stage: PathStage | RowStage, fitted: RegisteredFrame, verdict: Verdict
+    ) -> RegisteredFrame | None:
+        """Register a frame again that has lost some of its rows; None when it has not."""
+        rested = self._memory.rested() or not self.config.stream.hold or verdict.problem
+        if verdict.found is None or not rested:
+            return None
+        frame = stage.swept(fitted, verdict.found)
+        if frame is None:
+            return None
+        if frame is not fitted:
+            again = self._verdict(frame)
+            if not again.problem and again.misfit(frame) < SWEPT * verdict.misfit(fitted):
+                return frame
+        self._memory.swept_in_vain()
+        return None
 
     def _stages_for(self, shape: tuple[int, int]) -> _Stages:
         """Return what depends on the live frame's size, prepared once per size."""
@@ -269,31 +299,8 @@ class Detector:
                 )
         return ''
 
-    def _misfit(self, frame: RegisteredFrame) -> str:
-        """Say why a fitted frame must not be trusted, '' when it may."""
-        limits = self.config.registration
-        overlap = np.count_nonzero(frame.complete) / frame.complete.size
-        if overlap < limits.min_overlap:
-            return (
-                f'no overlap: {overlap:.0%} of the frame lies in the reference, '
-                f'{limits.min_overlap:.0%} needed'
-            )
-        found = agreement(frame.predicted, frame.grey, frame.complete)
-        alike, agreed = found.within(frame.judged), found.share
-        sharp = sharpness(frame.predicted, frame.grey, alike, self._executor)
-        if agreed is None:
-            return 'no texture where the live frame overlaps the reference'
-        if agreed < limits.min_agreement:
-            return (
-                f'live frame and reference do not match: {agreed:.0%} of the textured blocks '
-                f'agree, {limits.min_agreement:.0%} needed'
-            )
-        if sharp < MIN_SHARPNESS:
-            return (
-                'live frame and reference do not match: only a blur that the live frame does not '
-                f'have makes them alike, sharpness {sharp:.2f} < {MIN_SHARPNESS}'
-            )
-        return ''
+    def _verdict(self, frame: RegisteredFrame) -> Verdict:
+        return verdict_on(frame, self.config.registration, self._executor)
 
     def _not_registered(self, live: np.ndarray, reason: str, clock: Clock) -> Result:
         rows = live.shape[0]

@@ -22,6 +22,7 @@ AGREES = 0.6  # ... up to the band where so many do: on right ends 0.66 and more
 MOST = 0.4  # of the frame; more is no end
 LITTLE = 0.2  # share of the blocks that agree below which a band may be lost, and is ...
 IN_TURN = 5  # ... where so many bands are: large changes and noise leave more in most
+BEYOND = 1  # bands beyond them, in which a path may be off by little
 
 
 class Compared(Protocol):
@@ -65,13 +66,23 @@ def lost_rows(frame: Compared, grey: np.ndarray) -> np.ndarray:
 
 
 def unlike_rows(frame: Compared, grey: np.ndarray) -> np.ndarray:
-    """Mark the rows (M,) bool of a frame, see `lost_rows`, in which hardly anything agrees."""
+    """
+    Mark the rows (M,) bool of a frame, see `lost_rows`, in which hardly anything agrees.
+
+    And those next to them, up to where most does and a little further: a path leaves its rows
+    little by little.
+    """
     found = agreement(frame.predicted, grey, frame.complete, _across(grey))
     asked, agreed = found.asked.sum(axis=1), found.agreed.sum(axis=1)
-    unlike = ((asked >= MIN_BLOCKS) & (agreed < LITTLE * asked)).astype(np.uint8)[:, None]
-    in_turn = cv2.morphologyEx(unlike, cv2.MORPH_OPEN, np.ones((IN_TURN, 1), np.uint8))[:, 0]
+    known = asked >= MIN_BLOCKS
+    unlike = (known & (agreed < LITTLE * asked)).astype(np.uint8)[:, None]
+    in_turn = cv2.morphologyEx(unlike, cv2.MORPH_OPEN, np.ones((IN_TURN, 1), np.uint8))[:, 0] > 0
+    right = known & (agreed >= AGREES * asked)
+    between = np.cumsum(right)  # the same for all bands between two that are right
+    lost = (~right & np.isin(between, between[in_turn])).astype(np.uint8)[:, None]
+    lost = cv2.dilate(lost, np.ones((2 * BEYOND + 1, 1), np.uint8))[:, 0] > 0
     rows = np.zeros(len(grey), bool)
-    rows[: len(unlike) * found.size] = in_turn.repeat(found.size)
+    rows[: len(lost) * found.size] = lost.repeat(found.size)
     return rows
 
 

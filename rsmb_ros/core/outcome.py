@@ -29,9 +29,7 @@ class Outcome:
     path: CameraPath | None = None  # None: not registered, there is nothing to remember
 
 
-def outcome_of(
-    finding: Finding, config: ChangeConfig, executor: Executor, clock: Clock
-) -> Outcome:
+def outcome_of(finding: Finding, config: ChangeConfig, executor: Executor, clock: Clock) -> Outcome:
     """Return what a registered frame says."""
     frame = finding.frame
     changes = changes_of(finding, config, executor)

@@ -58,6 +58,11 @@ class PathEstimator:
         for n, (image, softer) in list(enumerate(smaller))[1:]:
             self._levels.append(Level(half_pixel(image), half_pixel(softer), n))
 
+    @property
+    def levels(self) -> int:
+        """At how many sizes of the images paths are fitted."""
+        return len(self._levels)
+
     def look_at(self, live: LiveImage) -> None:
         """Choose the points of `live` at all sizes, before they are asked for."""
         live.points(len(self._levels))

@@ -6,6 +6,7 @@ from concurrent.futures import Executor
 
 import numpy as np
 
+from .agreement import Agreement
 from .config import Config
 from .frame import PathFrame, RegisteredFrame
 from .level_fit import SHARP_ROWS
@@ -18,10 +19,12 @@ from .reference import Reference
 from .row_refinement import RowRefinement
 from .start import StripMatches
 from .stream import StreamMemory
+from .sweep import held_rows, level_of, swept
 
 # Of the misfit of a frame that was refused: denser knots from the start leave 0.3 to 0.6 of it
 # where they are right, 0.98 and more where the frame shows another place or is blurred.
 SHAKEN = 0.75
+SWEPT = 0.9  # likewise of a frame that has lost rows, above which no path has found them again
 
 
 class PathStage:
@@ -61,6 +64,22 @@ class PathStage:
         fit = self._estimator.shaken(image, matches, self._rows.knot_rows)
         frame = self._framed(refused.live, image, fit)
         return frame if frame.fit.cost < SHAKEN * refused.fit.cost else None
+
+    def swept(self, frame: RegisteredFrame, found: Agreement) -> PathFrame | None:
+        """
+        Register a frame again from the rows in which most blocks agree; None: there is no need.
+
+        It is returned as it is if nothing is gained. `found` is what agrees of the frame.
+        """
+        assert isinstance(frame, PathFrame)
+        held = held_rows(found, len(frame.grey), level_of(self._estimator))
+        if held is None:
+            return None
+        image = self._image(frame.grey)
+        fit = swept(frame.fit, image, self._estimator, held, self._executor)
+        if fit.cost >= SWEPT * frame.fit.cost:
+            return frame
+        return self._framed(frame.live, image, fit)
 
     def following(
         self, live: np.ndarray, grey: np.ndarray, matches: StripMatches, memory: StreamMemory

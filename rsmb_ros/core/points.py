@@ -40,13 +40,22 @@ class Points:
 
     def every(self, n: int) -> Points:
         """Return the points of every n-th row."""
+        return self._of(np.s_[::n])
+
+    def between(self, first: int, last: int, n: int) -> Points:
+        """Return the points of pyramid level `n` in rows `first` to `last` of the full image."""
+        at_full_size = (self.rows + 0.5) * 2.0**n - 0.5
+        return self._of(slice(*np.searchsorted(at_full_size, (first, last))))
+
+    def _of(self, rows: slice) -> Points:
+        """Return the points of some rows of points."""
         depth = self.inverse_depth
         return replace(
             self,
-            rows=self.rows[::n].copy(),  # contiguous: kernels are compiled once
-            columns=self.columns[::n].copy(),
-            values=self.values[::n].copy(),
-            inverse_depth=None if depth is None else depth[::n].copy(),
+            rows=self.rows[rows].copy(),  # contiguous: kernels are compiled once
+            columns=self.columns[rows].copy(),
+            values=self.values[rows].copy(),
+            inverse_depth=None if depth is None else depth[rows].copy(),
         )
 
     def from_center(self, factor: float, grid: Grid) -> np.ndarray:

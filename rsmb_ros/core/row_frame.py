@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from .agreement import Agreement
 from .config import Config
 from .frame import RegisteredFrame
 from .layers import NO_SHIFT
@@ -61,9 +62,12 @@ class RowStage:
         return None
 
     @staticmethod
-    def refined(
-        frame: RegisteredFrame, foreground: np.ndarray, still: float
-    ) -> RegisteredFrame:
+    def swept(frame: RegisteredFrame, found: Agreement) -> RegisteredFrame | None:
+        """Return None: rows are swept already."""
+        return None
+
+    @staticmethod
+    def refined(frame: RegisteredFrame, foreground: np.ndarray, still: float) -> RegisteredFrame:
         """Return the frame as it is: the report solves rows once."""
         return frame
 

@@ -13,6 +13,7 @@ REMEMBERED = 30  # frames whose exposures are weighed; a camera's settings may c
 LEAST_ERROR = 0.01  # relative; no frame's exposure is trusted further than this
 CHANGED = 0.1  # relative; a frame's own exposure this far off, and ...
 CERTAIN = 4.0  # ... so many standard deviations: the camera's settings have changed
+RESTED = 10  # frames after a sweep in vain until the next: a large change stays where it is
 WORSE = 1.3  # cost over the usual one, above which a held frame is tried from nothing
 
 
@@ -24,6 +25,7 @@ class StreamMemory:
         self._costs: deque[float] = deque(maxlen=REMEMBERED)
         self.last: PathFit | None = None
         self._lost = True
+        self._resting = 0  # frames until the next sweep
 
     @property
     def place(self) -> np.ndarray | None:
@@ -57,6 +59,15 @@ class StreamMemory:
             return False
         off = abs(fit.own_exposure - held)
         return off > max(CHANGED * held, CERTAIN * fit.own_exposure_sigma)
+
+    def rested(self) -> bool:
+        """Whether a frame that seems to have lost rows is worth a sweep; asked once a frame."""
+        self._resting = max(0, self._resting - 1)
+        return self._resting == 0
+
+    def swept_in_vain(self) -> None:
+        """Remember that a sweep led nowhere."""
+        self._resting = RESTED
 
     def learn(self, first: PathFit, fit: PathFit) -> None:
         """Remember a registered frame: its `first` fit, and that without what is no ground."""

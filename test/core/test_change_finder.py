@@ -41,9 +41,9 @@ def refits(monkeypatch):
     left_out = []
     refined = PathStage.refined
 
-    def counted(stage, frame, foreground):
+    def counted(stage, frame, foreground, still):
         left_out.append(foreground)
-        return refined(stage, frame, foreground)
+        return refined(stage, frame, foreground, still)
 
     monkeypatch.setattr(PathStage, 'refined', counted)
     return left_out

@@ -61,3 +61,24 @@ def test_what_the_reference_does_not_show_is_not_asked(images):
     live = ground + noise
     live[:120] = elsewhere[:120]
     assert not unlike(ground, live, complete).any()
+
+
+def test_rows_next_to_those_that_are_unlike_go_with_them_up_to_where_most_agrees(images):
+    ground, elsewhere, noise = images
+    live = ground + noise
+    live[:96] = elsewhere[:96]
+    live[96:128, 90:] = elsewhere[96:128, 90:]  # a quarter agrees: on its way out
+    live[160:192, 90:] = elsewhere[160:192, 90:]  # a change
+    rows = unlike(ground, live)
+    assert rows[: 128 + BAND].all()
+    assert not rows[128 + BAND :].any()
+
+
+def test_unlike_rows_end_at_the_next_one_that_is_right_on_both_sides(images):
+    ground, elsewhere, noise = images
+    live = ground + noise
+    live[80:160] = elsewhere[80:160]
+    for rows in (np.s_[64:80], np.s_[160:192]):
+        live[rows, 90:] = elsewhere[rows, 90:]
+    rows = np.flatnonzero(unlike(ground, live))
+    np.testing.assert_array_equal(rows, np.arange(64 - BAND, 192 + BAND))

@@ -31,3 +31,14 @@ def test_every_second_row_keeps_its_points_and_their_depth(texture_of):
         kept = getattr(few, name)
         np.testing.assert_array_equal(kept, getattr(points, name)[::2])
         assert kept.flags.c_contiguous  # else kernels would be compiled once more
+
+
+def test_points_between_rows_of_the_full_image(texture_of):
+    live = LiveImage(texture_of(120, 160, 3).astype(np.float32), 2.2)
+    for n, points in enumerate(live.points(2)):
+        found = points.between(40, 80, n)
+        middles = (points.rows + 0.5) * 2**n - 0.5
+        chosen = (middles >= 40) & (middles < 80)
+        np.testing.assert_array_equal(found.rows, points.rows[chosen])
+        np.testing.assert_array_equal(found.values, points.values[chosen])
+    assert live.points(1)[0].between(0, 120, 0).rows.size == live.points(1)[0].rows.size
