@@ -8,7 +8,7 @@ the control points of the path, the light, the defocus, and the exposure when it
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 
@@ -169,7 +169,7 @@ class PathEstimator:
         def finished(fit: PathFit, shared: bool = False) -> PathFit:
             return self._fit_level(finest, points[finest], fit, True, shared=shared)
 
-        fits = sorted(self._least(trial, tried), key=lambda fit: fit.cost)
+        fits = sorted(self._tried(trial, tried), key=lambda fit: fit.cost)
         if len(fits) == 1 or fits[0].cost <= CLEAR * fits[1].cost:
             best = finished(fits[0], shared=True)
         else:
@@ -177,13 +177,14 @@ class PathEstimator:
             best = min(both, key=lambda fit: fit.cost)
         return self._fit_levels(points[:finest], best, 0, True)
 
-    def _least(
+    def _tried(
         self, trial: Callable[[float], PathFit], exposures: Sequence[float]
-    ) -> Iterable[PathFit]:
+    ) -> list[PathFit]:
         """
         Try `exposures` from the middle ones to where the least cost has been tried on both sides.
 
-        The longest take the longest and are the least usual.
+        The longest takes as long as all others, and the shortest, which alone is tried with a free
+        lens, takes small blur for that.
         """
         fits: dict[int, PathFit] = {}
         wanted: Collection[int] = range(1, len(exposures) - 1) or range(len(exposures))
@@ -194,7 +195,7 @@ class PathEstimator:
             best = min(sorted(fits), key=lambda n: fits[n].cost)
             beside = {max(0, best - 1), min(best + 1, len(exposures) - 1)}
             wanted = beside - fits.keys()
-        return fits.values()
+        return list(fits.values())
 
     def _fit_levels(
         self,
