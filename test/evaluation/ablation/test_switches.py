@@ -9,6 +9,7 @@ import pytest
 from rsmb_ros.core import Config, Detector, evidence
 from rsmb_ros.core.evidence import MIN_SIGMA, NoiseTable, Texture
 from rsmb_ros.core.frame import RegisteredFrame
+from rsmb_ros.core.render import Shown
 from rsmb_ros.evaluation.ablation.switches import SWITCHES
 from rsmb_ros.evaluation.speed.flights import timed_flight
 
@@ -116,6 +117,8 @@ class Misfitting(RegisteredFrame):
     path = row_motion = row_uncertainty = exposure_rows = gain = render = registered = None
     _executor, _in_front = None, {}
     predicted, grey = np.zeros((2, 4, 5), np.float32)
+    _ground = Shown(predicted, None, grey > 0)
+    _colours = None
 
     class _hidden:  # noqa: N801 - as it is called there
         of = staticmethod(lambda layers: [])
