@@ -24,7 +24,7 @@ from .evidence import EVIDENCE_WINDOW, OUTLINE_WINDOW, NoiseTable, Texture, box_
 from .frame import RegisteredFrame
 from .layers import Layer
 from .lost_rows import unlike_rows
-from .motion import CameraPath, moved_px
+from .motion import CameraPath
 from .path_stage import PathStage
 from .refused import Refused
 from .row_frame import RowStage
@@ -171,10 +171,10 @@ class ChangeFinder:
                         frame.put_in_front(layers)
                         seen = self._evidence(frame)
                     break
-                if tried is not None and not layers and moved_px(tried, frame.path) < STILL:
+                if tried is not None and not layers and frame.moved(tried) < STILL:
                     return None
                 self._match_tones(frame)
-                moved = moved_px(before.path, frame.path)
+                moved = frame.moved(before.path)
                 seen = self._evidence(frame)
             if self._config.layers.enabled:
                 with clock.step('layers again'):

@@ -15,7 +15,7 @@ from .depth_energy import DepthEnergy, PathEnergy, RenderedEnergy, Sight
 from .evidence import NoiseTable
 from .layers import NO_SHIFT, Front, Fronts, Layer, within
 from .lens import Seen
-from .motion import CameraPath, shifted
+from .motion import CameraPath, moved_px, shifted
 from .path_fit import PathFit, row_uncertainty
 from .reference import CLIPPED, Reference
 from .render import Shown, Window, blurred, rectified, shown
@@ -67,6 +67,10 @@ class RegisteredFrame(ABC):
     def lose(self, rows: np.ndarray) -> None:
         """Judge nothing in the `rows` (M,) bool: the path does not lie there."""
         self.judged[rows] = False
+
+    def moved(self, path: CameraPath) -> float:
+        """Return how far another path puts the rows that show some of the reference, at most."""
+        return moved_px(self.path, path, self.complete.any(axis=1))
 
     @property
     def cost(self) -> float:

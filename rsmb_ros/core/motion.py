@@ -139,10 +139,14 @@ def shifted(path: CameraPath, relative_depth: float, shift: tuple[float, float])
     return replace(path, control=control)
 
 
-def moved_px(one: CameraPath, other: CameraPath) -> float:
-    """Return how far two paths of the same frame place the middle of their rows apart, at most."""
+def moved_px(one: CameraPath, other: CameraPath, rows: np.ndarray | None = None) -> float:
+    """
+    Return how far two paths of the same frame place the middle of their rows apart, at most.
+
+    Of the `rows` (M,) bool, where given; 0 where these are none.
+    """
     apart = one.row_centroids()[:, :2] - other.row_centroids()[:, :2]
-    return float(np.hypot(*apart.T).max())
+    return float(np.hypot(*(apart if rows is None else apart[rows]).T).max(initial=0.0))
 
 
 def still_path(

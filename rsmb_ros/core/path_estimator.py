@@ -37,7 +37,9 @@ CLEAR = 0.85  # ... unless the best costs no more than this share of the second
 LITTLE = 0.15  # share of LITTLE_ROWS rows, under which foreground has bent the path by little
 LITTLE_SHAKING = 0.4  # likewise of a path on denser knots, which small images do not hold
 LITTLE_ROWS = 25
-FOLLOWING_LEVELS = 2  # finest, that the next frame of a stream is fitted at
+# Finest sizes that the next frame of a stream is fitted at, where there are so many: what moves a
+# larger image from one frame to the next is beyond its second smallest size.
+FOLLOWING_LEVELS = {3: 2}
 
 
 class PathEstimator:
@@ -93,7 +95,8 @@ class PathEstimator:
         start = self._start(matches, given or memory.exposure_rows or last.path.exposure_rows)
         start = replace(start, light=last.light, defocus=last.defocus)
         free = given == 0 and not memory.calibrated
-        count = min(FOLLOWING_LEVELS, len(self._levels))
+        levels = len(self._levels)
+        count = FOLLOWING_LEVELS.get(levels, levels)
         return self._fit_levels(live.points(count), start, 0, free)
 
     def shaken(self, live: LiveImage, matches: StripMatches, knot_rows: float) -> PathFit:

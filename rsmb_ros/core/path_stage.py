@@ -11,7 +11,7 @@ from .config import Config
 from .frame import PathFrame, RegisteredFrame
 from .level_fit import SHARP_ROWS
 from .loose_ends import mended
-from .motion import Grid, moved_px
+from .motion import Grid
 from .path_estimator import PathEstimator
 from .path_fit import PathFit
 from .points import LiveImage
@@ -95,11 +95,11 @@ class PathStage:
         """
         Register a frame again without its `foreground` (M, N) bool.
 
-        It is returned as it is where that moves no row by `still` px.
+        It is returned as it is where that moves no row that shows the reference by `still` px.
         """
         assert isinstance(frame, PathFrame)
         fit = self._estimator.refine(self._image(frame.grey), frame.fit, foreground)
-        if moved_px(frame.path, fit.path) < still:
+        if frame.moved(fit.path) < still:
             return frame
         return self.frame_class(self._reference, frame.live, frame.grey, fit, self._executor)
 
