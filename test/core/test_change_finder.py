@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -56,6 +57,39 @@ def test_a_path_that_nothing_new_is_left_out_of_is_not_fitted_again(refits, text
     result = Detector(ground, config=Config()).detect(live)
     assert len(result.changes) == 1
     assert len(refits) == 1  # without the object; then it stands
+
+
+def test_a_frame_is_shown_anew_only_where_its_path_moves(texture_of):
+    """Rows that lie outside the reference do not count, however far they move."""
+    ground = texture_of(240, 320, 6)
+    detector = Detector(ground, config=Config())
+    frame = detector.detect(np.roll(ground, 4, axis=1)).views
+    stage = detector._stages[240, 320][2]
+    beside = np.zeros((240, 320), bool)
+    assert stage.refined(frame, beside, 0.2) is frame
+    assert stage.refined(frame, beside, 0.0) is not frame
+    path = frame.path
+    control = path.control.copy()
+    control[:3] += 30.0  # the first rows'
+    other = replace(path, control=control)
+    assert frame.moved(other) > 10.0
+    frame.complete[: int(3 * path.knot_rows)] = False
+    assert frame.moved(other) < 0.2
+    frame.complete[:] = False
+    assert frame.moved(other) == 0.0
+
+
+def test_other_ways_round_are_for_layers_only(texture_of):
+    """Half of the width is new in many rows: what fits there may be the wrong plane."""
+    ground = texture_of(240, 320, 6)
+    live = np.roll(ground, 4, axis=1)
+    live[60:180, 40:200] = 255 - live[60:180, 40:200]
+    tried = {}
+    for layers in (True, False):
+        result = Detector(ground, config=Config().replaced({'layers.enabled': layers})).detect(live)
+        assert len(result.changes) == 1
+        tried[layers] = 'other way' in result.timings_ms
+    assert tried == {True: True, False: False}
 
 
 def test_nothing_is_fitted_again_where_nothing_has_changed(refits, texture_of):
