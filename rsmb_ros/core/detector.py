@@ -176,12 +176,14 @@ class Detector:
                 frame = stage.frame(live, grey, matches)
                 verdict = self._verdict(frame)
         with clock.step('second start' if verdict.problem else 'registration'):
-            others = [self._swept(stage, frame, verdict)]
+            others: list[RegisteredFrame | None] = []
             if verdict.problem:
-                others += [
+                others = [
                     self._second_start(stage, live, grey, features.match(grey)),
                     self._shaken(stage, frame, matches),
                 ]
+            if not any(others):  # a sweep goes on from what it has, right or not
+                others = [self._swept(stage, frame, verdict)]
             found = min(filter(None, others), key=lambda one: one.cost, default=None)
         if verdict.problem and not found:
             return Outcome(self._not_registered(live, verdict.problem, clock))
