@@ -40,7 +40,7 @@ from .workers import beside, workers
 MIN_CONTRAST = 1.5  # grey levels; an image flatter than this has no texture
 # Misfit of a swept frame over that before, up to 0.75 where rows were found again, above 0.86 where
 # they were not.
-SWEPT = 0.8
+FOUND_AGAIN = 0.8
 NO_SEARCH = {'layers.enabled': False}  # of depths, where they are known
 
 _BLAS = ThreadpoolController()
@@ -176,15 +176,15 @@ class Detector:
                 frame = stage.frame(live, grey, matches)
                 verdict = self._verdict(frame)
         with clock.step('second start' if verdict.problem else 'registration'):
-            others: list[RegisteredFrame | None] = []
+            found: RegisteredFrame | None = None
             if verdict.problem:
-                others = [
+                others = (
                     self._second_start(stage, live, grey, features.match(grey)),
                     self._shaken(stage, frame, matches),
-                ]
-            if not any(others):  # a sweep goes on from what it has, right or not
-                others = [self._swept(stage, frame, verdict)]
-            found = min(filter(None, others), key=lambda one: one.cost, default=None)
+                )
+                found = min(filter(None, others), key=lambda one: one.cost, default=None)
+            # last, for a sweep goes on from what it has, right or not
+            found = found or self._swept(stage, frame, verdict)
         if verdict.problem and not found:
             return Outcome(self._not_registered(live, verdict.problem, clock))
         frame = found or frame
@@ -267,7 +267,7 @@ class Detector:
             return None
         if frame is not fitted:
             again = self._verdict(frame)
-            if not again.problem and again.misfit(frame) < SWEPT * verdict.misfit(fitted):
+            if not again.problem and again.misfit(frame) < FOUND_AGAIN * verdict.misfit(fitted):
                 return frame
         self._memory.swept_in_vain()
         return None

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from row_places import row_errors, row_places
 
 from rsmb_ros.core import Camera, Config, ConfigError, Detector, FrameError
-from rsmb_ros.core.motion import Grid, coordinates_from_poses, homographies
+from rsmb_ros.core.motion import Grid
 from rsmb_ros.core.shutter import ShutterTiming
 from rsmb_ros.core.synthesis import (
     CHANGED,
@@ -57,28 +58,10 @@ def case(texture, objects=(), offset=14.0, blur=6.0, exposure=30.0, nuisances=RE
     return Case(reference, live, truth, grid)
 
 
-def row_places(poses: np.ndarray, grid: Grid, x: float) -> np.ndarray:
-    """Reference place of the point `x` px right of the centre of each row (M, 2) [px]."""
-    y = np.arange(len(poses)) - (len(poses) - 1) / 2
-    points = np.stack([np.full_like(y, x), y, np.ones_like(y)], axis=1)
-    h = homographies(coordinates_from_poses(poses, grid), grid)
-    mapped = np.einsum('nij,nj->ni', h, points)
-    return mapped[:, :2] / mapped[:, 2:]
-
-
-def row_errors(found: Case, result) -> np.ndarray:
+def errors(found: Case, result) -> np.ndarray:
     """Distance between found and true place of three points of each row (M * 3,) [px]."""
-    return np.concatenate(
-        [
-            np.hypot(
-                *(
-                    row_places(result.row_motion, found.grid, x)
-                    - row_places(found.truth.centroids, found.grid, x)
-                ).T
-            )
-            for x in (-120.0, 0.0, 120.0)
-        ]
-    )
+    poses = result.row_motion, found.truth.centroids
+    return np.concatenate([row_errors(*poses, found.grid, x) for x in (-120.0, 0.0, 120.0)])
 
 
 @pytest.fixture(scope='module')
@@ -103,9 +86,9 @@ def test_rows_are_found_to_a_tenth_of_a_pixel_in_all_regimes(
     result = Detector(found.reference, CAMERA, config).detect(found.live)
     assert result.status == 'registered', regime
     if rolling:
-        errors = row_errors(found, result)
-        assert np.median(errors) < 0.05
-        assert np.percentile(errors, 90) < 0.1
+        off = errors(found, result)
+        assert np.median(off) < 0.05
+        assert np.percentile(off, 90) < 0.1
     known = result.valid_mask > 0
     misfit = (result.registered.astype(float) - found.truth.clean)[known]
     assert np.sqrt(np.mean(misfit**2)) < 4.0  # noise and JPEG of the reference: 2 to 3
@@ -118,7 +101,7 @@ def test_exposure_is_self_calibrated(texture, exposure):
     result = Detector(found.reference, CAMERA).detect(found.live)
     # the image moves by 0.2 px per row: right to half a pixel of blur
     assert 0.2 * abs(result.exposure_rows - exposure) < 0.55
-    assert np.median(row_errors(found, result)) < 0.06
+    assert np.median(errors(found, result)) < 0.06
 
 
 def test_offset_of_a_quarter_frame_is_found(texture_of):
@@ -126,20 +109,20 @@ def test_offset_of_a_quarter_frame_is_found(texture_of):
     scene = Scene(texture, margin=100)
     found = case(scene, offset=64.0)
     result = Detector(found.reference, CAMERA).detect(found.live)
-    assert np.median(row_errors(found, result)) < 0.06
+    assert np.median(errors(found, result)) < 0.06
 
 
 def test_bottom_up_readout_is_a_parameter(texture):
     found = case(texture, bottom_up=True)
     config = Config.from_mapping({'shutter': {'exposure_rows': 30.0, 'readout': 'bottom_up'}})
     result = Detector(found.reference, CAMERA, config).detect(found.live)
-    assert np.median(row_errors(found, result)) < 0.05
+    assert np.median(errors(found, result)) < 0.05
 
 
 def test_stated_uncertainty_is_of_the_size_of_the_error(texture):
     found = case(texture)
     result = Detector(found.reference, CAMERA).detect(found.live)
-    centre = row_errors(found, result)[SHAPE[0] : 2 * SHAPE[0]]
+    centre = errors(found, result)[SHAPE[0] : 2 * SHAPE[0]]
     ratio = np.sqrt(np.mean(centre**2)) / np.sqrt(np.mean(result.row_uncertainty**2))
     assert 0.2 < ratio < 3.0
 
@@ -150,7 +133,7 @@ def test_reference_may_be_larger_than_the_frame(texture_of):
     found = case(scene)
     result = Detector(found.reference, CAMERA).detect(found.live)
     assert result.status == 'registered'
-    assert np.median(row_errors(found, result)) < 0.06
+    assert np.median(errors(found, result)) < 0.06
     assert result.rectified.shape == (420, 560)
     assert result.valid_mask.mean() > 240
 
@@ -330,7 +313,7 @@ def test_stream_holds_its_exposure_and_finds_each_frame_from_the_last(texture):
     frames = stream(texture, 13)
     detector = Detector(next(frames), CAMERA, HOLD)
     results = [(frame, detector.detect(frame.live)) for frame in frames]
-    assert all(np.median(row_errors(frame, result)) < 0.06 for frame, result in results)
+    assert all(np.median(errors(frame, result)) < 0.06 for frame, result in results)
     held = [result.exposure_rows for _, result in results[10:]]
     assert np.ptp(held) < 0.2  # no longer looked for in each frame, but corrected by all
     # the simulator's interpolation, taken for defocus, hides some of a blur of 6 px
@@ -344,7 +327,7 @@ def test_frame_after_a_gap_is_found_again(texture, texture_of):
     first, second, _ = frames
     assert detector.detect(first.live).status == 'registered'
     assert detector.detect(texture_of(*SHAPE, 77)).status == 'not_registered'
-    assert np.median(row_errors(second, detector.detect(second.live))) < 0.06
+    assert np.median(errors(second, detector.detect(second.live))) < 0.06
 
 
 def test_exposure_that_is_changed_in_flight_is_noticed(texture):
@@ -385,7 +368,7 @@ def test_defocus_is_not_taken_for_exposure(texture, defocus):
     found = case(texture, blur=0.5, exposure=10.0, nuisances=soft)
     detector = Detector(found.reference, CAMERA)
     result = detector.detect(found.live)
-    assert np.median(row_errors(found, result)) < 0.06
+    assert np.median(errors(found, result)) < 0.06
     blur = 0.05 * result.exposure_rows  # px
     assert blur < 1.4
     np.testing.assert_allclose(result.views.fit.defocus, defocus**2 + 0.1, atol=0.2)
@@ -411,7 +394,7 @@ def test_rows_alone_are_registered_as_the_report_does(texture):
     assert np.isnan(result.exposure_rows)
     assert np.isnan(result.row_uncertainty).all()
     assert 0.9 < result.gain < 1.1
-    assert np.median(row_errors(found, result)) < 0.15  # rows alone: the report has 0.2 px
+    assert np.median(errors(found, result)) < 0.15  # rows alone: the report has 0.2 px
     known = result.valid_mask > 0
     misfit = (result.registered.astype(float) - found.truth.clean)[known]
     assert np.sqrt(np.mean(misfit**2)) < 2.0

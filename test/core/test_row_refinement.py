@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 import naive
 import numpy as np
 import pytest
+from row_places import row_errors
 
 from rsmb_ros.core import Camera, Config, Detector, loose_ends
 from rsmb_ros.core import row_refinement as refinement
 from rsmb_ros.core._kernels.row_shift import TERMS, row_sums
 from rsmb_ros.core.frame import PathFrame
 from rsmb_ros.core.loose_ends import loose_rows, mended
-from rsmb_ros.core.motion import Grid, coordinates_from_poses, homographies
+from rsmb_ros.core.motion import Grid
 from rsmb_ros.core.path_estimator import PathEstimator
 from rsmb_ros.core.photometric import luma
 from rsmb_ros.core.points import LiveImage
@@ -62,16 +63,9 @@ def detected(found: Case, depth=None, **registration):
     return Detector(found.reference, CAMERA, config, depth).detect(found.live)
 
 
-def row_errors(found: Case, result) -> np.ndarray:
+def errors(found: Case, result) -> np.ndarray:
     """Distance between found and true place of the middle of each row (M,) [px]."""
-    y = np.arange(SHAPE[0]) - (SHAPE[0] - 1) / 2
-    points = np.stack([np.zeros_like(y), y, np.ones_like(y)], axis=1)
-    places = []
-    for poses in (result.row_motion, found.truth.centroids):
-        h = homographies(coordinates_from_poses(poses, found.grid), found.grid)
-        mapped = np.einsum('nij,nj->ni', h, points)
-        places.append(mapped[:, :2] / mapped[:, 2:])
-    return np.hypot(*(places[0] - places[1]).T)
+    return row_errors(result.row_motion, found.truth.centroids, found.grid)
 
 
 def equal(one, other) -> bool:
@@ -108,11 +102,11 @@ def test_vibration_faster_than_the_knots_is_followed(texture, degrees_of_freedom
     known = {'degrees_of_freedom': degrees_of_freedom, 'exposure_rows': exposure_rows}
     without = detected(found, refine_rows=False, **known)
     result = detected(found, **known)
-    assert np.median(row_errors(found, without)) > 0.5  # knots of 24 rows, a turn takes 20
-    assert np.median(row_errors(found, result)) < 0.1
-    assert np.percentile(row_errors(found, result), 90) < 0.25
+    assert np.median(errors(found, without)) > 0.5  # knots of 24 rows, a turn takes 20
+    assert np.median(errors(found, result)) < 0.1
+    assert np.percentile(errors(found, result), 90) < 0.25
     # what is said of the error is of its size
-    assert 0.3 < np.median(row_errors(found, result)) / np.median(result.row_uncertainty) < 3.0
+    assert 0.3 < np.median(errors(found, result)) / np.median(result.row_uncertainty) < 3.0
 
 
 def test_exposure_that_was_smeared_over_the_vibration_is_found_again(texture):
@@ -124,10 +118,8 @@ def test_exposure_that_was_smeared_over_the_vibration_is_found_again(texture):
 def test_rows_read_bottom_up_are_followed(texture):
     found = case(texture, vibration=1.5, period=26.0, bottom_up=True)
     result = detected(found, readout='bottom_up')
-    assert (
-        np.median(row_errors(found, detected(found, refine_rows=False, readout='bottom_up'))) > 0.5
-    )
-    assert np.median(row_errors(found, result)) < 0.1
+    assert np.median(errors(found, detected(found, refine_rows=False, readout='bottom_up'))) > 0.5
+    assert np.median(errors(found, result)) < 0.1
 
 
 def test_frame_refused_for_its_vibration_is_registered(texture):
@@ -135,7 +127,7 @@ def test_frame_refused_for_its_vibration_is_registered(texture):
     assert detected(found, refine_rows=False).status == 'not_registered'
     result = detected(found)
     assert result.status == 'registered'
-    assert np.median(row_errors(found, result)) < 0.1
+    assert np.median(errors(found, result)) < 0.1
 
 
 def test_shaking_that_the_first_start_cannot_follow_is_found_by_another(texture):
@@ -145,7 +137,7 @@ def test_shaking_that_the_first_start_cannot_follow_is_found_by_another(texture)
         found = case(texture, vibration, period=48.0, exposure=0.5)
         result = detected(found)
         assert result.status == 'registered', vibration
-        assert np.median(row_errors(found, result)) < 0.15
+        assert np.median(errors(found, result)) < 0.15
         second += 'second start' in result.timings_ms
     assert second > 0
 
@@ -182,8 +174,8 @@ def test_vibration_over_known_depths_is_followed(texture, roofs):
         height, width = roof.cover.shape
         depth[int(roof.y) :, int(roof.x) :][:height, :width] = roof.relative_depth
     result = detected(found, depth)
-    assert np.median(row_errors(found, detected(found, depth, refine_rows=False))) > 0.5
-    assert np.median(row_errors(found, result)) < 0.1
+    assert np.median(errors(found, detected(found, depth, refine_rows=False))) > 0.5
+    assert np.median(errors(found, result)) < 0.1
 
 
 def test_exposure_longer_than_the_knots_is_never_tried(texture, always_tried, monkeypatch):
@@ -293,10 +285,10 @@ def test_an_end_that_slid_away_is_followed_anew(texture, executor, end, knots, s
     control = right.path.control.copy()
     control[slice(0, knots) if end == 0 else slice(-knots, None), :2] += 8.0
     slid = build(replace(right.fit, path=replace(right.path, control=control), cost=9.0))
-    assert row_errors(found, slid)[end] > 1.9
+    assert errors(found, slid)[end] > 1.9
     again = mended(slid, live, estimator, build)
-    assert row_errors(found, again)[end] < 0.6
-    assert np.median(row_errors(found, again)) < 0.1
+    assert errors(found, again)[end] < 0.6
+    assert np.median(errors(found, again)) < 0.1
 
 
 @pytest.mark.parametrize('end', [0, -1])
@@ -315,7 +307,7 @@ def test_an_end_that_does_not_come_back_is_lost(texture, executor, monkeypatch, 
     monkeypatch.setattr(loose_ends, '_anew', lambda *_: None)
     estimator = PathEstimator(reference, found.grid, Config(), executor)
     frame = mended(slid, LiveImage(right.grey, 2.2), estimator, build)
-    error = row_errors(found, slid)
+    error = errors(found, slid)
     assert error[end] > 5.0
     lost = np.isinf(frame.row_uncertainty)
     assert lost[end]

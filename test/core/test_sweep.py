@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from row_places import row_errors
 
 from rsmb_ros.core import Camera, Config, Detector, Result, path_stage
 from rsmb_ros.core.agreement import Agreement
-from rsmb_ros.core.motion import Grid, coordinates_from_poses, homographies, moved_px, still_path
+from rsmb_ros.core.motion import Grid, moved_px, still_path
 from rsmb_ros.core.path_stage import PathStage
 from rsmb_ros.core.shutter import ShutterTiming
 from rsmb_ros.core.stream import RESTED
@@ -51,14 +52,8 @@ def case(texture, seed, blur=7.0, objects=(), bottom_up=False):
 def off(found: Case, result: Result) -> float:
     """Return the share of the rows whose middle is not in its place."""
     assert result.status == 'registered'
-    y = np.arange(SHAPE[0]) - (SHAPE[0] - 1) / 2
-    points = np.stack([np.zeros_like(y), y, np.ones_like(y)], axis=1)
-    places = []
-    for poses in (result.row_motion, found.truth.centroids):
-        h = homographies(coordinates_from_poses(poses, found.grid), found.grid)
-        mapped = np.einsum('nij,nj->ni', h, points)
-        places.append(mapped[:, :2] / mapped[:, 2:])
-    return float((np.hypot(*(places[0] - places[1]).T) > OFF).mean())
+    errors = row_errors(result.row_motion, found.truth.centroids, found.grid)
+    return float((errors > OFF).mean())
 
 
 def detected(found: Case, depth=None, **sections) -> Result:
