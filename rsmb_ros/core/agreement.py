@@ -52,6 +52,14 @@ class Agreement:
         return replace(self, agreed=self.agreed & ~bands[:, None])
 
 
+@dataclass(frozen=True)
+class Likeness:
+    """How alike a frame and its prediction are."""
+
+    found: Agreement
+    sharpness: float  # of the prediction over the frame's, where they agree, see `sharpness`
+
+
 def agreement(
     predicted: np.ndarray, live: np.ndarray, complete: np.ndarray, across: int = BLOCKS_ACROSS
 ) -> Agreement:

@@ -15,15 +15,16 @@ from functools import partial
 import cv2
 import numpy as np
 
-from ._kernels.match import ROOM, highest, match_band
+from ._kernels.match import ROOM, highest, match_bands
 from .motion import Grid
 from .start import StripMatches
-from .workers import beside, each
+from .workers import beside, each, shared
 
 SEARCH_WIDTH = 160  # px; both images are reduced to about this width of the live frame
 PATCHES = 4  # per direction, for the global vote
 STRIPS = 14  # bands of rows
 PARTS = 3  # pieces of one band
+BLOCKS = 4  # of bands, that threads take
 WOBBLE = 3  # px at search width: what rolling shutter may move a patch from the global offset
 EDGE = 3  # px of room that a piece needs to the reference's edge
 SAME_PLACE = 2.0  # px at search width that a band may lie off the place it was matched around
@@ -72,16 +73,15 @@ class CoarseSearch:
         shift x, y and trust x, y of the n pieces that match, (n, 6) [reduced px].
         """
         height = max(8, small.shape[0] // STRIPS)
-        tops = range(0, small.shape[0] - height + 1, height)
-        at_vote = each(self._executor, lambda top: self._band(small, top, height, corner), tops)
-        anchor = int(np.argmax([band[:, 4:].min(axis=1).sum() for band in at_vote]))
-        bands = list(at_vote)
+        tops = np.arange(0, small.shape[0] - height + 1, height)
+        bands = self._bands(small, tops, height, corner)
+        anchor = int(np.argmax([band[:, 4:].min(axis=1).sum() for band in bands]))
 
         def followed(order: range) -> None:
             place = self._moved(small.shape, bands[anchor], corner)
             for n in order:
                 if max(abs(place[0] - corner[0]), abs(place[1] - corner[1])) > SAME_PLACE:
-                    bands[n] = self._band(small, tops[n], height, place)
+                    (bands[n],) = self._bands(small, tops[n : n + 1], height, place)
                 place = self._moved(small.shape, bands[n], place)
 
         down = beside(self._executor, partial(followed, range(anchor + 1, len(tops))))
@@ -160,21 +160,27 @@ class CoarseSearch:
         np.fmin(np.fmax(scores, 0.0, out=scores), 1.0, out=scores)  # 0 where OpenCV has no number
         return np.multiply(scores, textured, out=scores)
 
-    def _band(self, small: np.ndarray, top: int, height: int, corner: np.ndarray) -> np.ndarray:
-        """Match the pieces of one band of rows around the live corner's place, see `_tracked`."""
+    def _bands(
+        self, small: np.ndarray, tops: np.ndarray, height: int, corner: np.ndarray
+    ) -> list[np.ndarray]:
+        """Match pieces of the bands that begin at `tops` around a live corner, see `_tracked`."""
         cols = small.shape[1]
         reach = max(6, round(0.06 * cols))
         x, y = np.round(corner).astype(int)
-        found = np.empty((cols // (cols // PARTS), 7))
-        count = match_band(
-            small, top, height, x, y, self._flat, *self._sums, self._textured,
-            cols // PARTS, reach, EDGE, MIN_CONTRAST, MIN_PEAK, found,
-        )  # fmt: skip
-        table = found[:count, :6]
-        table[:, 2:4] += self._shift_of(small.shape, np.zeros(2))
-        trust = found[:count, 4:5] - MIN_PEAK + 0.05
-        table[:, 4:] = np.minimum(1.0, 5 * found[:count, 5:]) * trust
-        return table
+        found = np.empty((len(tops), cols // (cols // PARTS), 7))
+        counts = np.empty(len(tops), np.int64)
+
+        def run(first: int, last: int) -> None:
+            match_bands(
+                first, last, small, tops, height, x, y, self._flat, *self._sums, self._textured,
+                cols // PARTS, reach, EDGE, MIN_CONTRAST, MIN_PEAK, found, counts,
+            )  # fmt: skip
+
+        shared(self._executor, run, len(tops), len(tops) * height * cols, parts=BLOCKS)
+        found[:, :, 2:4] += self._shift_of(small.shape, np.zeros(2))
+        trust = found[:, :, 4:5] - MIN_PEAK + 0.05
+        found[:, :, 4:6] = np.minimum(1.0, 5 * found[:, :, 5:]) * trust
+        return [pieces[:count, :6] for pieces, count in zip(found, counts, strict=True)]
 
 
 def _reduced(image: np.ndarray, factor: int) -> np.ndarray:

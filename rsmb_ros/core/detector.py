@@ -302,7 +302,7 @@ class Detector:
         return ''
 
     def _verdict(self, frame: RegisteredFrame) -> Verdict:
-        return verdict_on(frame, self.config.registration, self._executor)
+        return verdict_on(frame, self.config.registration)
 
     def _not_registered(self, live: np.ndarray, reason: str, clock: Clock) -> Result:
         rows = live.shape[0]

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from ._kernels.pixels import mark_bright
+from .agreement import Likeness, agreement, sharpness
 from .depth_energy import DepthEnergy, PathEnergy, RenderedEnergy, Sight
 from .evidence import NoiseTable
 from .layers import NO_SHIFT, Front, Fronts, Layer, within
@@ -71,6 +72,13 @@ class RegisteredFrame(ABC):
     def moved(self, path: CameraPath) -> float:
         """Return how far another path puts the rows that show some of the reference, at most."""
         return moved_px(self.path, path, self.complete.any(axis=1))
+
+    @cached_property
+    def likeness(self) -> Likeness:
+        """How alike the frame and its prediction are, at the first time of asking."""
+        found = agreement(self.predicted, self.grey, self.complete)
+        alike = found.within(self.judged)
+        return Likeness(found, sharpness(self.predicted, self.grey, alike, self._executor))
 
     @property
     def cost(self) -> float:

@@ -32,8 +32,10 @@ COARSEST_WIDTH = 160  # px; the pyramid ends there
 COLD_EXPOSURES = (3.0, 12.0, 36.0, 90.0, 200.0)  # rows, tried when nothing is known
 TRIAL = 4  # iterations each of them gets at half size
 TRIAL_ROWS = 60  # of points, that are enough to tell exposures apart
-FINALISTS = 2  # of them that are fitted until they stand, ...
-CLEAR = 0.85  # ... unless the best costs no more than this share of the second
+# The best two of them are fitted until they stand, unless one costs no more than this share of the
+# other, or ...
+CLEAR = 0.85
+APART = 1.5  # ... the exposures differ by no more than this factor: 94 % of such end as the same
 LITTLE = 0.15  # share of LITTLE_ROWS rows, under which foreground has bent the path by little
 LITTLE_SHAKING = 0.4  # likewise of a path on denser knots, which small images do not hold
 LITTLE_ROWS = 25
@@ -172,12 +174,13 @@ class PathEstimator:
         def finished(fit: PathFit, shared: bool = False) -> PathFit:
             return self._fit_level(finest, points[finest], fit, True, shared=shared)
 
-        fits = sorted(self._tried(trial, tried), key=lambda fit: fit.cost)
-        if len(fits) == 1 or fits[0].cost <= CLEAR * fits[1].cost:
-            best = finished(fits[0], shared=True)
-        else:
-            both = self._executor.map(finished, fits[:FINALISTS])
+        best, *others = sorted(self._tried(trial, tried), key=lambda fit: fit.cost)
+        rival = others[0] if others else best
+        if best.cost > CLEAR * rival.cost and _apart(best, rival) > APART:
+            both = self._executor.map(finished, (best, rival))
             best = min(both, key=lambda fit: fit.cost)
+        else:
+            best = finished(best, shared=True)
         return self._fit_levels(points[:finest], best, 0, True)
 
     def _tried(
@@ -231,6 +234,12 @@ def _most_of_a_row(mask: np.ndarray) -> float:
     """Largest share of a row that a mask (M, N) bool covers, rows as long as knots are apart."""
     share = mask.mean(axis=1, dtype=np.float32)[:, None]
     return float(cv2.blur(share, (1, LITTLE_ROWS)).max())
+
+
+def _apart(one: PathFit, other: PathFit) -> float:
+    """How many times longer the longer one of two exposures is."""
+    ratio = one.path.exposure_rows / other.path.exposure_rows
+    return max(ratio, 1.0 / ratio)
 
 
 def level_count(grid: Grid) -> int:

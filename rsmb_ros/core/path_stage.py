@@ -20,6 +20,7 @@ from .row_refinement import RowRefinement
 from .start import StripMatches
 from .stream import StreamMemory
 from .sweep import held_rows, level_of, swept
+from .workers import beside
 
 # Of the misfit of a frame that was refused: denser knots from the start leave 0.3 to 0.6 of it
 # where they are right, 0.98 and more where the frame shows another place or is blurred.
@@ -122,4 +123,9 @@ class PathStage:
         frame = build(fit)
         if self._rows is None:
             return frame
-        return mended(self._rows.refined(frame, image, build), image, self._estimator, build)
+        # whoever asked for the frame asks that next, and mostly of this one
+        waited = beside(self._executor, lambda: frame.likeness)
+        followed = mended(self._rows.refined(frame, image, build), image, self._estimator, build)
+        if followed is frame:
+            waited()
+        return followed

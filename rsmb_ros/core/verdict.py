@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 
-from .agreement import MIN_SHARPNESS, Agreement, agreement, sharpness
+from .agreement import MIN_SHARPNESS, Agreement, agreement
 from .config import RegistrationConfig
 from .frame import RegisteredFrame
 from .lost_rows import Compared
@@ -26,18 +25,16 @@ class Verdict:
         return frame.cost / agreed if agreed else np.inf
 
 
-def verdict_on(frame: RegisteredFrame, limits: RegistrationConfig, executor: Executor) -> Verdict:
-    """Say what is thought of a frame, as fitted; threads of `executor` share the work."""
+def verdict_on(frame: RegisteredFrame, limits: RegistrationConfig) -> Verdict:
+    """Say what is thought of a frame, as fitted."""
     overlap = np.count_nonzero(frame.complete) / frame.complete.size
     if overlap < limits.min_overlap:
         return Verdict(
             f'no overlap: {overlap:.0%} of the frame lies in the reference, '
             f'{limits.min_overlap:.0%} needed'
         )
-    found = agreement(frame.predicted, frame.grey, frame.complete)
-    alike, agreed = found.within(frame.judged), found.share
-    sharp = sharpness(frame.predicted, frame.grey, alike, executor)
-    problem = ''
+    likeness, problem = frame.likeness, ''
+    agreed, sharp = likeness.found.share, likeness.sharpness
     if agreed is None:
         problem = 'no texture where the live frame overlaps the reference'
     elif agreed < limits.min_agreement:
@@ -50,7 +47,7 @@ def verdict_on(frame: RegisteredFrame, limits: RegistrationConfig, executor: Exe
             'live frame and reference do not match: only a blur that the live frame does not '
             f'have makes them alike, sharpness {sharp:.2f} < {MIN_SHARPNESS}'
         )
-    return Verdict(problem, found)
+    return Verdict(problem, likeness.found)
 
 
 def problem_of_rest(frame: Compared, grey: np.ndarray, lost: np.ndarray, needed: float) -> str:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from rsmb_ros.core._kernels.match import ROOM, highest, match_band
+from rsmb_ros.core._kernels.match import ROOM, highest, match_bands
 from rsmb_ros.core.coarse import EDGE, MIN_CONTRAST, MIN_PEAK, WOBBLE, CoarseSearch, sub_pixel_peak
 from rsmb_ros.core.motion import Grid, still_path
 from rsmb_ros.core.start import PRIORS, ROUNDS, SPLINE_SAMPLES, StripMatches, start_path
@@ -16,14 +16,14 @@ REACH, WIDTH, HEIGHT = 7, 30, 9
 
 
 def matched(small, reference, textured, top, x, y):
-    """Pieces of a band as `match_band` finds them."""
-    found = np.empty((small.shape[1] // WIDTH, 7))
-    count = match_band(
-        small, top, HEIGHT, x, y, np.append(reference, np.zeros(ROOM, np.float32)),
+    """Pieces of a band as `match_bands` finds them."""
+    found, counts = np.empty((1, small.shape[1] // WIDTH, 7)), np.empty(1, np.int64)
+    match_bands(
+        0, 1, small, np.array([top]), HEIGHT, x, y, np.append(reference, np.zeros(ROOM, np.float32)),
         *cv2.integral2(reference, sdepth=cv2.CV_64F), textured, WIDTH, REACH, EDGE, MIN_CONTRAST,
-        MIN_PEAK, found,
+        MIN_PEAK, found, counts,
     )  # fmt: skip
-    return found[:count]
+    return found[0, : counts[0]]
 
 
 def expected(small, reference, textured, top, x, y):

@@ -126,7 +126,7 @@ def highest(scores, least, out):
     return peak_of(scores, least, out)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def match_band(
     small, top, height, x, y, reference, total, squares, textured, width, reach, edge, contrast,
     least, out,
@@ -191,3 +191,20 @@ def match_band(
             out[count, 4:7] = found[2:5]
             count += 1
     return count
+
+
+@njit(**OPTIONS)
+def match_bands(
+    first, last, small, tops, height, x, y, reference, total, squares, textured, width, reach, edge,
+    contrast, least, out, counts,
+):
+    """
+    Match the bands of rows that begin at tops[first:last], all around one place, see `match_band`.
+
+    Writes into out[n] (k, 7) for band n, and how many pieces into counts[n].
+    """
+    for n in range(first, last):
+        counts[n] = match_band(
+            small, tops[n], height, x, y, reference, total, squares, textured, width, reach, edge,
+            contrast, least, out[n],
+        )
