@@ -223,8 +223,9 @@ class ChangeFinder:
         colours, colour = frame.colours, None
         if colours is not None:
             by_colour = partial(
-                ColourEvidence.of, frame.live, colours, frame.judged, frame.misfit, place
-            )
+                ColourEvidence.of, frame.live, colours, frame.judged, frame.misfit, place,
+                self._executor,
+            )  # fmt: skip
             waited = beside(self._executor, by_colour)
         texture = Texture.of(frame.predicted)
         noise = NoiseTable.learn(texture, frame.residual, frame.judged)

@@ -167,7 +167,7 @@ class CoarseSearch:
         cols = small.shape[1]
         reach = max(6, round(0.06 * cols))
         x, y = np.round(corner).astype(int)
-        found = np.empty((len(tops), cols // (cols // PARTS), 7))
+        found = np.zeros((len(tops), cols // (cols // PARTS), 7))
         counts = np.empty(len(tops), np.int64)
 
         def run(first: int, last: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from ._kernels.evidence import surprise_of_tint
 from .evidence import MAX_Z2, OUTLINE_WINDOW, NoiseTable, Texture, box_rms, misplaced
+from .workers import each
 
 WEIGHT = np.float32(0.5)  # of a deviation: cameras keep colours at half the size, and less exactly
 WINDOW = 5  # px of the half-size image
@@ -50,34 +52,55 @@ class ColourEvidence:
         judged: np.ndarray,
         misfit: np.ndarray,
         place: np.ndarray,
+        executor: Executor,
     ) -> ColourEvidence:
         """
         Compare a live frame with its prediction, both BGR (M, N, 3) uint8, at half their size.
 
-        `judged` (M, N) bool, `misfit` (M, N) and `place` (M,) as in `NoiseTable.surprise`.
+        `judged` (M, N) bool, `misfit` (M, N) and `place` (M,) as in `NoiseTable.surprise`. Each
+        tint is looked at by a thread.
         """
         rows, cols = judged.shape
         half = (cols // 2, rows // 2)
         valid = cv2.resize(judged.view(np.uint8), half, interpolation=cv2.INTER_NEAREST) > 0
         worse = cv2.resize(misfit, half, interpolation=cv2.INTER_NEAREST) / WEIGHT
         off = cv2.resize(place[:, None], (1, half[1]))[:, 0] / 2.0
-        squares = np.zeros(valid.shape, np.float32)
-        limits = [CLEAR]
-        for tint, expected in zip(_half(live), _half(predicted), strict=True):
-            residual = cv2.subtract(tint, expected, dtype=cv2.CV_32F)
-            some = residual[SOME][valid[SOME]]
-            balance = np.median(some) if some.size else np.float32(0.0)
-            if some.size:
-                limits.append(CLEARLY * float(np.percentile(np.abs(some - balance), 90)))
-            texture = Texture.of(expected.astype(np.float32))
-            noise = NoiseTable.learn(texture, residual - balance, valid)
-            # near edges of rich colours a camera that keeps them at half the size is off by more
-            rich = cv2.dilate(cv2.absdiff(expected, np.full_like(expected, GREY)), AROUND)
-            surprise_of_tint(
-                residual, balance, worse, valid, texture.code, texture.energy, noise.variances,
-                misplaced(texture, off), rich, SATURATED, MAX_Z2, squares,
-            )  # fmt: skip
-        return cls(_over(WINDOW, squares, judged.shape), squares, max(limits))
+
+        def surprise(pair: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, float]:
+            return _surprise(*pair, valid, worse, off)
+
+        tints = list(zip(_half(live), _half(predicted), strict=True))
+        (squares, limit), *others = each(executor, surprise, tints)
+        for more, own in others:
+            np.maximum(squares, more, out=squares)
+            limit = max(limit, own)
+        return cls(_over(WINDOW, squares, judged.shape), squares, limit)
+
+
+def _surprise(
+    tint: np.ndarray, expected: np.ndarray, valid: np.ndarray, worse: np.ndarray, off: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """
+    Return how surprising a tint (M, N) uint8 is, z^2 (M, N), and its `ColourEvidence.limit`.
+
+    `worse` (M, N) is what to multiply its noise by, `off` (M,) how far rows may be misplaced [px].
+    """
+    residual = cv2.subtract(tint, expected, dtype=cv2.CV_32F)
+    some = residual[SOME][valid[SOME]]
+    balance, limit = np.float32(0.0), CLEAR
+    if some.size:
+        balance = np.median(some)
+        limit = max(limit, CLEARLY * float(np.percentile(np.abs(some - balance), 90)))
+    texture = Texture.of(expected.astype(np.float32))
+    noise = NoiseTable.learn(texture, residual - balance, valid)
+    # near edges of rich colours a camera that keeps them at half the size is off by more
+    rich = cv2.dilate(cv2.absdiff(expected, np.full_like(expected, GREY)), AROUND)
+    squares = np.empty(valid.shape, np.float32)
+    surprise_of_tint(
+        residual, balance, worse, valid, texture.code, texture.energy, noise.variances,
+        misplaced(texture, off), rich, SATURATED, MAX_Z2, squares,
+    )  # fmt: skip
+    return squares, limit
 
 
 def _over(window: int, squares: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:

@@ -18,8 +18,9 @@ REACH, WIDTH, HEIGHT = 7, 30, 9
 def matched(small, reference, textured, top, x, y):
     """Pieces of a band as `match_bands` finds them."""
     found, counts = np.empty((1, small.shape[1] // WIDTH, 7)), np.empty(1, np.int64)
+    flat = np.append(reference, np.zeros(ROOM, np.float32))
     match_bands(
-        0, 1, small, np.array([top]), HEIGHT, x, y, np.append(reference, np.zeros(ROOM, np.float32)),
+        0, 1, small, np.array([top]), HEIGHT, x, y, flat,
         *cv2.integral2(reference, sdepth=cv2.CV_64F), textured, WIDTH, REACH, EDGE, MIN_CONTRAST,
         MIN_PEAK, found, counts,
     )  # fmt: skip

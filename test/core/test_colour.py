@@ -9,6 +9,7 @@ import pytest
 from rsmb_ros.core import Config, Detector
 from rsmb_ros.core.colour import ColourEvidence, tint_off
 from rsmb_ros.core.photometric import luma
+from rsmb_ros.core.workers import workers
 
 SHAPE = (240, 320)
 PLACE = np.s_[100:130, 140:180]
@@ -41,7 +42,8 @@ def tinted(image, levels):
 def evidence_of(live, predicted, judged=None):
     everywhere = np.ones(SHAPE, bool) if judged is None else judged
     flat = np.ones(SHAPE, np.float32)
-    return ColourEvidence.of(live, predicted, everywhere, flat, np.zeros(SHAPE[0], np.float32))
+    place = np.zeros(SHAPE[0], np.float32)
+    return ColourEvidence.of(live, predicted, everywhere, flat, place, workers(2))
 
 
 def test_noise_is_not_evidence(reference):

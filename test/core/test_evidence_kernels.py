@@ -109,7 +109,7 @@ def test_surprise_is_the_truncated_square_of_residual_over_noise(image):
     np.testing.assert_allclose(out, np.minimum(z2, 9.0), rtol=1e-4)
 
 
-def test_surprise_of_a_tint_only_grows_and_rich_colours_may_be_off(image):
+def test_surprise_of_a_tint_is_less_where_rich_colours_may_be_off(image):
     rng = np.random.default_rng(6)
     texture = Texture.of(image)
     residual = rng.normal(0, 6, SHAPE).astype(np.float32)
@@ -118,17 +118,15 @@ def test_surprise_of_a_tint_only_grows_and_rich_colours_may_be_off(image):
     colour = rng.integers(0, 128, SHAPE, dtype=np.uint8)
     variances = rng.uniform(1, 20, 65536).astype(np.float32)
     place = rng.uniform(0, 0.1, SHAPE[0]).astype(np.float32)
-    before = rng.uniform(0, 4, SHAPE).astype(np.float32)
-    out, balance, share = before.copy(), np.float32(1.5), np.float32(0.08)
+    out = np.empty(SHAPE, np.float32)
+    balance, share = np.float32(1.5), np.float32(0.08)
     surprise_of_tint(
         residual, balance, misfit, judged, texture.code, texture.energy, variances, place, colour,
         share, 9.0, out,
     )  # fmt: skip
     variance = variances[texture.code] + place[:, None] * texture.energy + (share * colour) ** 2
     z2 = np.where(judged, (residual - balance) ** 2 / (variance * misfit**2), 0.0)
-    np.testing.assert_allclose(out, np.maximum(before, np.minimum(z2, 9.0)), rtol=1e-4)
-    assert (out > before).any()
-    assert (out == before).any()
+    np.testing.assert_allclose(out, np.minimum(z2, 9.0), rtol=1e-4)
 
 
 @pytest.mark.parametrize('size', [3, 7])

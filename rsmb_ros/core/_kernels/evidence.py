@@ -214,7 +214,7 @@ def surprise_of_tint(
     residual, balance, misfit, judged, code, energy, variances, misplaced, colour, share, most, out,
 ):
     """
-    Raise `out` to min(z^2, most) of a tint's `residual` (M, N) where it is judged.
+    Write min(z^2, most) of a tint's `residual` (M, N) where it is judged, else 0.
 
     `balance` is what all residuals are off by; `colour` (M, N) uint8 is how rich the colours
     around a pixel are, of which a `share` may be lost.
@@ -230,7 +230,7 @@ def surprise_of_tint(
             variance = (noise[x] + place * energy[y, x] + lost * lost) * scale * scale
             off = residual[y, x] - balance
             z2 = min(off * off / variance, top)
-            out[y, x] = max(out[y, x], z2 if judged[y, x] else np.float32(0.0))
+            out[y, x] = z2 if judged[y, x] else np.float32(0.0)
 
 
 @njit(**OPTIONS)
