@@ -32,6 +32,7 @@ UNSEEN_Z = 9.0  # normalised residual of a pixel that a depth cannot show
 EXPLAINED = 2.2  # evidence below which a pixel is explained [sigma]
 MIN_PARALLAX = 0.4  # px; less than that and a depth must explain an object well
 MIN_SHARE = 0.13  # of the object that must be explained
+MIN_COVERED = 0.45  # of a mask that an object covers, below which the whole mask is asked
 MIN_CORE = 4.2e-4  # of the frame: largest connected explained part (130 px at 640x480)
 SAME_DEPTH = 0.02  # of a layer found near: two that found it on their own need half of that each
 MIN_CORRELATION = 0.6  # of prediction and live on the object ...
@@ -161,16 +162,19 @@ class DepthSearch:
         core: float,
     ) -> tuple[Layer | None, float]:
         """
-        Return the layer if the object may be taken for one, and the share explained.
+        Return the layer if the object may be taken for one, and the share of it explained.
 
         `own` is what a window shows at `depth` and `shift`.
         """
         z = self._normalised(own, window)
-        alike = correlation(own.grey[mask], self.live[window.box][mask])
-        misfit = _misfit(z[mask]) if alike > ALIKE else 1.0
+        covered = self._covered(mask, window, depth)
+        if np.count_nonzero(covered) < MIN_COVERED * np.count_nonzero(mask):
+            covered = mask
+        alike = correlation(own.grey[covered], self.live[window.box][covered])
+        misfit = _misfit(z[covered]) if alike > ALIKE else 1.0
         z /= np.float32(misfit)
         explained = _explained(z, mask)
-        share = float(explained[mask].mean())
+        share = float(explained[covered].mean())
         enough = share > MIN_SHARE and _largest(explained) >= core * self.live.size
         if not enough or (share <= SURE_SHARE and alike <= MIN_CORRELATION):
             return None, share
@@ -261,19 +265,22 @@ class DepthSearch:
         # what sticks out at the object's own depth may be a change on or beside it
         left_over = hysteresis(evidence(np.where(mask, z, np.float32(0.0))), self.change) > 0
         own = mask & ~left_over
-        # the object shows in the residual twice: where it is, and where it is expected without
-        # parallax. What has no counterpart there is ground that it uncovers, or may be
-        blob = Blob(mask, window.left, window.top)
-        far = 1.0 / place.relative_depth - 1.0
-        x, y = (far * part for part in self._displacement(blob))
-        counterpart = cv2.warpAffine(
-            mask.astype(np.float32),
-            np.array([[1.0, 0.0, x], [0.0, 1.0, y]]),
-            mask.shape[::-1],
-            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-        )
-        sure = own & (counterpart > 0.5)
+        sure = own & self._covered(mask, window, place.relative_depth)
         return Layer(Blob(own, window.left, window.top), sure, place, share)
+
+    def _covered(self, mask: np.ndarray, window: Window, depth: float) -> np.ndarray:
+        """
+        Return what of a window's mask an object at some depth covers itself.
+
+        It shows in the residual twice: where it is, and where it is expected without parallax. What
+        has no counterpart there is ground that it uncovers, or may be: no depth explains that.
+        """
+        far = 1.0 / depth - 1.0
+        x, y = (far * part for part in self._displacement(Blob(mask, window.left, window.top)))
+        move = np.array([[1.0, 0.0, x], [0.0, 1.0, y]])
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        counterpart = cv2.warpAffine(mask.astype(np.float32), move, mask.shape[::-1], flags=flags)
+        return mask & (counterpart > 0.5)
 
     def _normalised(self, own: Shown, window: Window) -> np.ndarray:
         """Return the normalised residual of a window, of which `own` is shown."""

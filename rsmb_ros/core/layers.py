@@ -49,7 +49,7 @@ class Layer:
     blob: Blob  # the part of the live image it explains
     sure: np.ndarray  # bool, shape of the blob's mask: not what it uncovers
     place: Place
-    share: float  # of the object that the place explains, 0..1
+    share: float  # of what the object covers, that the place explains, 0..1
 
 
 @dataclass(frozen=True, eq=False)

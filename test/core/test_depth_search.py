@@ -77,6 +77,27 @@ def test_depth_of_a_static_object_is_found_at_first_look(houses, depth):
     assert layer.share > 0.6
 
 
+SMALL_HOUSE = np.s_[80:120, 120:170]
+
+
+def test_what_an_object_uncovers_does_not_count_against_it(ground, executor, monkeypatch):
+    """Nothing at its depth explains that, however large the parallax makes it."""
+    found = known_frame(scene(ground, roof(0.6, place=SMALL_HOUSE)), executor)
+    house = found.truth.layers > 0
+    blob = largest(found, house)
+    window, mask = found.search._windowed(blob)
+    covered = found.search._covered(mask, window, 0.6)
+    own = house[window.box]
+    assert np.count_nonzero(mask) > 1.6 * np.count_nonzero(own)
+    assert np.count_nonzero(covered & own) > 0.95 * np.count_nonzero(own)
+    assert np.count_nonzero(covered) < 1.3 * np.count_nonzero(own)
+    layer = found.search.explain(blob)
+    monkeypatch.setattr(depth_search, 'MIN_COVERED', 2.0)  # ask for the whole mask
+    whole = found.search.explain(blob)
+    assert whole.share < depth_search.SURE_SHARE < layer.share
+    assert abs(layer.place.relative_depth - 0.6) < 0.02
+
+
 @pytest.mark.parametrize('wrong', [0.5, 0.97, 1.3])
 def test_all_depths_are_asked_where_a_neighbours_does_not_explain(houses, wrong):
     found = houses[0.86]
