@@ -36,8 +36,9 @@ MIN_COVERED = 0.45  # of a mask that an object covers, below which the whole mas
 MIN_CORE = 4.2e-4  # of the frame: largest connected explained part (130 px at 640x480)
 SAME_DEPTH = 0.02  # of a layer found near: two that found it on their own need half of that each
 MIN_CORRELATION = 0.6  # of prediction and live on the object ...
-SURE_SHARE = 0.5  # ... unless this share is explained
-ALIKE = 0.9  # correlation of an object that may fit less well than its surroundings ...
+SURE_SHARE = 0.5  # ... unless this share is explained, ...
+PIECE_SHARE = 0.15  # ... or one piece of this share is alike: the rest may be another object
+ALIKE = 0.9  # correlation of such a piece, and of an object that may fit less well than others ...
 MAX_MISFIT = 2.5  # ... by so much
 MAX_ENERGY_RATIO = 0.85  # of the energy at the background's depth
 UNLIKE = 0.5  # correlation below which no small shift makes an object alike; where one did: .56 on
@@ -175,9 +176,16 @@ class DepthSearch:
         z /= np.float32(misfit)
         explained = _explained(z, mask)
         share = float(explained[covered].mean())
-        enough = share > MIN_SHARE and _largest(explained) >= core * self.live.size
-        if not enough or (share <= SURE_SHARE and alike <= MIN_CORRELATION):
+        piece = _largest(explained)
+        enough = share > MIN_SHARE and np.count_nonzero(piece) >= core * self.live.size
+        if not enough:
             return None, share
+        if share <= SURE_SHARE and alike <= MIN_CORRELATION:
+            if np.count_nonzero(piece) < PIECE_SHARE * np.count_nonzero(covered):
+                return None, share
+            alike = correlation(own.grey[piece], self.live[window.box][piece])
+            if alike < ALIKE:
+                return None, share
         part = Blob(explained > 0, window.left, window.top)
         if self._other_colour(own, window, explained) or not self._displaced(
             part, depth, alike > MIN_CORRELATION
@@ -319,10 +327,12 @@ def _touch(a: Window, b: Window) -> bool:
     return a.top <= b.bottom and b.top <= a.bottom and a.left <= b.right and b.left <= a.right
 
 
-def _largest(mask: np.ndarray) -> int:
-    """Area of the largest connected region of a mask [px]."""
-    count, _, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    return int(stats[1:, cv2.CC_STAT_AREA].max()) if count > 1 else 0
+def _largest(mask: np.ndarray) -> np.ndarray:
+    """Return the largest connected region of a mask (M, N) uint8 0/1, (M, N) bool."""
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    if count < 2:
+        return mask > 0
+    return labels == 1 + stats[1:, cv2.CC_STAT_AREA].argmax()
 
 
 def _misfit(z: np.ndarray) -> float:

@@ -98,6 +98,21 @@ def test_what_an_object_uncovers_does_not_count_against_it(ground, executor, mon
     assert abs(layer.place.relative_depth - 0.6) < 0.02
 
 
+@pytest.mark.parametrize('depths', [(0.92, 0.8), (0.8, 0.92)])
+def test_two_roofs_in_one_outline_are_explained_one_by_one(ground, executor, monkeypatch, depths):
+    places = np.s_[80:150, 80:160], np.s_[80:150, 158:228]
+    roofs = [
+        roof(depth, n, place) for n, (depth, place) in enumerate(zip(depths, places, strict=True))
+    ]
+    found = known_frame(scene(ground, *roofs), executor)
+    blob = largest(found, found.truth.layers > 0)
+    monkeypatch.setattr(depth_search, 'MIN_CORRELATION', 0.95)  # so alike the two are at no depth
+    first = found.search.explain(blob)
+    assert min(abs(first.place.relative_depth - depth) for depth in depths) < 0.02
+    monkeypatch.setattr(depth_search, 'PIECE_SHARE', 2.0)  # no piece is that large
+    assert found.search.explain(blob) is None
+
+
 @pytest.mark.parametrize('wrong', [0.5, 0.97, 1.3])
 def test_all_depths_are_asked_where_a_neighbours_does_not_explain(houses, wrong):
     found = houses[0.86]
