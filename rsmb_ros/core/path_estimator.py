@@ -35,7 +35,7 @@ TRIAL_ROWS = 60  # of points, that are enough to tell exposures apart
 # The best two of them are fitted until they stand, unless one costs no more than this share of the
 # other, or ...
 CLEAR = 0.85
-APART = 1.5  # ... the exposures differ by no more than this factor: 94 % of such end as the same
+APART = 1.25  # ... the exposures differ by no more than this factor: 94 % of such end as the same
 LITTLE = 0.15  # share of LITTLE_ROWS rows, under which foreground has bent the path by little
 LITTLE_SHAKING = 0.4  # likewise of a path on denser knots, which small images do not hold
 LITTLE_ROWS = 25
@@ -159,8 +159,8 @@ class PathEstimator:
         for a few iterations, the best of them until they stand.
         """
         finest = min(1, len(self._levels) - 1)
-        tried = [e for e in COLD_EXPOSURES if e <= 0.8 * self._grid.live_shape[0]]
-        middle = tried[len(tried) // 2]
+        exposures = [e for e in COLD_EXPOSURES if e <= 0.8 * self._grid.live_shape[0]]
+        middle = exposures[len(exposures) // 2]
         start = self._fit_levels(points, self._start(matches, middle), finest + 1, False)
         few = points[finest].every(max(1, len(points[finest].rows) // TRIAL_ROWS))
 
@@ -174,7 +174,7 @@ class PathEstimator:
         def finished(fit: PathFit, shared: bool = False) -> PathFit:
             return self._fit_level(finest, points[finest], fit, True, shared=shared)
 
-        best, *others = sorted(self._tried(trial, tried), key=lambda fit: fit.cost)
+        best, *others = sorted(tried(self._executor, trial, exposures), key=lambda fit: fit.cost)
         rival = others[0] if others else best
         if best.cost > CLEAR * rival.cost and _apart(best, rival) > APART:
             both = self._executor.map(finished, (best, rival))
@@ -182,26 +182,6 @@ class PathEstimator:
         else:
             best = finished(best, shared=True)
         return self._fit_levels(points[:finest], best, 0, True)
-
-    def _tried(
-        self, trial: Callable[[float], PathFit], exposures: Sequence[float]
-    ) -> list[PathFit]:
-        """
-        Try `exposures` from the middle ones to where the least cost has been tried on both sides.
-
-        The longest takes as long as all others, and the shortest, which alone is tried with a free
-        lens, takes small blur for that.
-        """
-        fits: dict[int, PathFit] = {}
-        wanted: Collection[int] = range(1, len(exposures) - 1) or range(len(exposures))
-        while wanted:
-            longest_first = sorted(wanted, reverse=True)
-            found = self._executor.map(trial, [exposures[n] for n in longest_first])
-            fits.update(zip(longest_first, found, strict=True))
-            best = min(sorted(fits), key=lambda n: fits[n].cost)
-            beside = {max(0, best - 1), min(best + 1, len(exposures) - 1)}
-            wanted = beside - fits.keys()
-        return list(fits.values())
 
     def _fit_levels(
         self,
@@ -228,6 +208,27 @@ class PathEstimator:
     ) -> PathFit:
         level = self.level_fit(n, points, fit.path, shared)
         return level.run(fit, free_exposure, most, near, free_defocus)
+
+
+def tried(
+    executor: Executor, trial: Callable[[float], PathFit], exposures: Sequence[float]
+) -> list[PathFit]:
+    """
+    Try `exposures` from the middle ones to where the least cost has been tried on both sides.
+
+    The longest takes as long as all others, and the shortest, which alone is tried with a free
+    lens, takes small blur for that.
+    """
+    fits: dict[int, PathFit] = {}
+    wanted: Collection[int] = range(1, len(exposures) - 1) or range(len(exposures))
+    while wanted:
+        longest_first = sorted(wanted, reverse=True)
+        found = executor.map(trial, [exposures[n] for n in longest_first])
+        fits.update(zip(longest_first, found, strict=True))
+        best = min(sorted(fits), key=lambda n: fits[n].cost)
+        beside = {max(0, best - 1), min(best + 1, len(exposures) - 1)}
+        wanted = beside - fits.keys()
+    return list(fits.values())
 
 
 def _most_of_a_row(mask: np.ndarray) -> float:
