@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from ._kernels.pixels import block_moments
 from .evidence import ENOUGH, gradient_energy
-from .workers import beside
+from .workers import Workers, beside
 
 BLOCKS_ACROSS = 20  # blocks over the image's width
 MIN_CONTRAST = 3.0  # grey levels of a block that is asked
@@ -85,7 +84,7 @@ def block_size(columns: int, across: int = BLOCKS_ACROSS) -> int:
 
 
 def sharpness(
-    predicted: np.ndarray, live: np.ndarray, judged: np.ndarray, executor: Executor
+    predicted: np.ndarray, live: np.ndarray, judged: np.ndarray, executor: Workers
 ) -> float:
     """
     Sharpness of a predicted image relative to the live one, about 1 where they fit.

@@ -8,7 +8,6 @@ it stands. Where they outdo the ground over many rows it is tried the other way 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -29,7 +28,7 @@ from .path_stage import PathStage
 from .refused import Refused
 from .row_frame import RowStage
 from .segmentation import blobs, candidates, outline_level
-from .workers import beside, each
+from .workers import Workers, beside, each
 
 # Share of the frame that must misfit before the path is fitted again without it: an object whose
 # texture outdoes the ground's has bent the path, and no single depth then explains it.
@@ -108,7 +107,7 @@ class Finding:
 class ChangeFinder:
     """Decides what in a registered frame is new, and what was there at another depth."""
 
-    def __init__(self, config: Config, executor: Executor) -> None:
+    def __init__(self, config: Config, executor: Workers) -> None:
         self._config = config
         self._executor = executor
 

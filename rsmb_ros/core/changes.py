@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 
@@ -17,7 +16,7 @@ from .regions import change_region, in_shade
 from .segmentation import Blob, blobs, drawn, tightened, without_small, without_thin, without_weak
 from .shadows import shadow_like
 from .types import Region
-from .workers import each
+from .workers import Workers, each
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,7 @@ class Change:
     region: Region
 
 
-def changes_of(finding: Finding, config: ChangeConfig, executor: Executor) -> list[Change]:
+def changes_of(finding: Finding, config: ChangeConfig, executor: Workers) -> list[Change]:
     """
     Return the changes of a frame, top to bottom; threads of `executor` look at one each.
 

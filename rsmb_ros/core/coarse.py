@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from functools import partial
 
 import cv2
@@ -18,7 +17,7 @@ import numpy as np
 from ._kernels.match import ROOM, highest, match_bands
 from .motion import Grid
 from .start import StripMatches
-from .workers import beside, each, shared
+from .workers import Workers, beside, each, shared
 
 SEARCH_WIDTH = 160  # px; both images are reduced to about this width of the live frame
 PATCHES = 4  # per direction, for the global vote
@@ -37,7 +36,7 @@ class CoarseSearch:
     """Finds start paths for live frames of one size against one reference."""
 
     def __init__(
-        self, reference: np.ndarray, grid: Grid, search_fraction: float, executor: Executor
+        self, reference: np.ndarray, grid: Grid, search_fraction: float, executor: Workers
     ) -> None:
         self._grid = grid
         self._executor = executor

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from ._kernels.evidence import surprise_of_tint
 from .evidence import MAX_Z2, OUTLINE_WINDOW, NoiseTable, Texture, box_rms, misplaced
-from .workers import each
+from .workers import Workers, each
 
 WEIGHT = np.float32(0.5)  # of a deviation: cameras keep colours at half the size, and less exactly
 WINDOW = 5  # px of the half-size image
@@ -52,7 +51,7 @@ class ColourEvidence:
         judged: np.ndarray,
         misfit: np.ndarray,
         place: np.ndarray,
-        executor: Executor,
+        executor: Workers,
     ) -> ColourEvidence:
         """
         Compare a live frame with its prediction, both BGR (M, N, 3) uint8, at half their size.

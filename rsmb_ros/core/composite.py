@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from typing import NamedTuple
 
 import cv2
@@ -13,7 +12,7 @@ from .depth_map import DepthMap
 from .motion import CameraPath
 from .render import STEP_PX, Window, blurred
 from .sampling import half_pixel
-from .workers import shared
+from .workers import Workers, shared
 
 TILE_STEP = 4.0  # px between the instants a tile is asked at
 TILE_REACH = 10  # px: half a tile's diagonal, half a step, rounding, 10 % of turn and zoom
@@ -43,12 +42,12 @@ class Composition:
         Of the reference.
     path : CameraPath
         Of the live frame.
-    executor : Executor
+    executor : Workers
         Threads that share the rows.
 
     """
 
-    def __init__(self, depth: DepthMap, path: CameraPath, executor: Executor) -> None:
+    def __init__(self, depth: DepthMap, path: CameraPath, executor: Workers) -> None:
         self._depth = depth
         self._path = path
         self._executor = executor

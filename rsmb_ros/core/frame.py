@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,7 +20,7 @@ from .path_fit import PathFit, row_uncertainty
 from .reference import CLIPPED, Reference
 from .render import Shown, Window, blurred, rectified, shown
 from .tone_match import ToneMatch, tone_match
-from .workers import each
+from .workers import Workers, each
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
 MAX_RESIDUAL = 30.0  # grey levels; beyond that a pixel shows something else
@@ -39,13 +38,13 @@ class RegisteredFrame(ABC):
     live : ndarray of shape (M, N) or (M, N, 3), uint8
     grey : ndarray of shape (M, N), float32
         Grey levels of `live`.
-    executor : Executor
+    executor : Workers
         Threads that share the rendering.
 
     """
 
     def __init__(
-        self, reference: Reference, live: np.ndarray, grey: np.ndarray, executor: Executor
+        self, reference: Reference, live: np.ndarray, grey: np.ndarray, executor: Workers
     ) -> None:
         self.live = live
         self.grey = grey
@@ -235,7 +234,7 @@ class PathFrame(RegisteredFrame):
         live: np.ndarray,
         grey: np.ndarray,
         fit: PathFit,
-        executor: Executor,
+        executor: Workers,
     ) -> None:
         self.fit = fit
         self._light = fit.light  # less what `_tones` says of it

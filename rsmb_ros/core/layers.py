@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -19,7 +18,7 @@ from ._kernels.cover import draw_masks, watch_cover
 from .motion import CameraPath, Grid, homographies
 from .render import Window
 from .segmentation import Blob
-from .workers import each
+from .workers import Workers, each
 
 GAP = 0.04  # of the width: gaps in an object's outline that still belong to it
 EDGE = 9  # px: an object's outline is known to half of this
@@ -93,12 +92,12 @@ class Fronts:
     ----------
     path : CameraPath
         Of the live frame.
-    executor : Executor
+    executor : Workers
         Threads that share the work.
 
     """
 
-    def __init__(self, path: CameraPath, executor: Executor) -> None:
+    def __init__(self, path: CameraPath, executor: Workers) -> None:
         self._path = path
         self._executor = executor
         self._known: dict[tuple[Layer, ...], Front | None] = {}

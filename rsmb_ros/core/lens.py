@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
 
 from .buffers import Buffers
 from .sampling import defocused
-from .workers import shared
+from .workers import Workers, shared
 
 # px^2 between the lenses that a reference is seen through: half of it away, a rendered image is
 # off by 0.03 to 0.15 grey levels rms.
@@ -50,7 +49,7 @@ class Lens:
         self._buffers = buffers
         self._last = self._sharp
 
-    def seen(self, variance: float, executor: Executor) -> Seen:
+    def seen(self, variance: float, executor: Workers) -> Seen:
         """Return the reference with about that defocus [px^2], the same whatever was asked last."""
         near = LENS_STEP * round(variance / LENS_STEP)
         if near == 0.0:
@@ -60,7 +59,7 @@ class Lens:
             self._last = self._through(near, executor)
         return self._last
 
-    def _through(self, variance: float, executor: Executor) -> Seen:
+    def _through(self, variance: float, executor: Workers) -> Seen:
         fine, glass = self._sharp.fine, Glass()
         out = self._buffers.lend(glass, fine.shape)
 

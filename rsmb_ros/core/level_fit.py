@@ -7,7 +7,6 @@ Jacobians are kept while the path moves little: only the residuals are looked at
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +26,7 @@ from .path_fit import PathFit
 from .photometric import Light
 from .points import Points
 from .priors import Priors
+from .workers import Workers
 from .workspace import Workspace, Workspaces
 
 MIN_SIGMA = 1.0  # grey levels; no camera is quieter
@@ -61,7 +61,7 @@ class LevelFit:
         points: Points,
         grid: Grid,
         config: Config,
-        executor: Executor | None,
+        executor: Workers | None,
         workspaces: Workspaces,
     ) -> None:
         self._level = level

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cache, partial
 
@@ -20,7 +19,7 @@ from .path_fit import PathFit
 from .points import Points
 from .priors import Priors
 from .sampling import defocused
-from .workers import SMALL, shared
+from .workers import SMALL, Workers, shared
 from .workspace import Workspace
 
 CHUNKS = 8  # blocks of rows, summed in this order whatever the number of threads
@@ -104,7 +103,7 @@ class NormalEquations:
         points: Points,
         grid: Grid,
         config: Config,
-        executor: Executor | None,
+        executor: Workers | None,
         fit: PathFit,
         room: Workspace,
     ) -> None:

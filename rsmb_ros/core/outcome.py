@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -16,6 +15,7 @@ from .motion import CameraPath
 from .persistence import RegionMemory
 from .regions import static_region
 from .types import REGISTERED, Result
+from .workers import Workers
 
 _BLAS = ThreadpoolController()
 
@@ -29,7 +29,7 @@ class Outcome:
     path: CameraPath | None = None  # None: not registered, there is nothing to remember
 
 
-def outcome_of(finding: Finding, config: ChangeConfig, executor: Executor, clock: Clock) -> Outcome:
+def outcome_of(finding: Finding, config: ChangeConfig, executor: Workers, clock: Clock) -> Outcome:
     """Return what a registered frame says."""
     frame = finding.frame
     changes = changes_of(finding, config, executor)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
 
 import cv2
@@ -26,6 +25,7 @@ from .reference import Reference
 from .sampling import half_pixel, pyramid
 from .start import StripMatches, start_path
 from .stream import StreamMemory
+from .workers import Workers, each
 from .workspace import Workspaces
 
 COARSEST_WIDTH = 160  # px; the pyramid ends there
@@ -47,9 +47,7 @@ FOLLOWING_LEVELS = {3: 2}
 class PathEstimator:
     """Fits camera paths of live frames of one size to one reference."""
 
-    def __init__(
-        self, reference: Reference, grid: Grid, config: Config, executor: Executor
-    ) -> None:
+    def __init__(self, reference: Reference, grid: Grid, config: Config, executor: Workers) -> None:
         """Prepare the sizes of `reference`."""
         self._grid = grid
         self._depth = reference.depth
@@ -177,7 +175,7 @@ class PathEstimator:
         best, *others = sorted(tried(self._executor, trial, exposures), key=lambda fit: fit.cost)
         rival = others[0] if others else best
         if best.cost > CLEAR * rival.cost and _apart(best, rival) > APART:
-            both = self._executor.map(finished, (best, rival))
+            both = each(self._executor, finished, (best, rival))
             best = min(both, key=lambda fit: fit.cost)
         else:
             best = finished(best, shared=True)
@@ -211,7 +209,7 @@ class PathEstimator:
 
 
 def tried(
-    executor: Executor, trial: Callable[[float], PathFit], exposures: Sequence[float]
+    executor: Workers, trial: Callable[[float], PathFit], exposures: Sequence[float]
 ) -> list[PathFit]:
     """
     Try `exposures` from the middle ones to where the least cost has been tried on both sides.
@@ -222,9 +220,9 @@ def tried(
     fits: dict[int, PathFit] = {}
     wanted: Collection[int] = range(1, len(exposures) - 1) or range(len(exposures))
     while wanted:
-        longest_first = sorted(wanted, reverse=True)
-        found = executor.map(trial, [exposures[n] for n in longest_first])
-        fits.update(zip(longest_first, found, strict=True))
+        longest_last = sorted(wanted)  # the last are begun first
+        found = each(executor, trial, [exposures[n] for n in longest_last])
+        fits.update(zip(longest_last, found, strict=True))
         best = min(sorted(fits), key=lambda n: fits[n].cost)
         beside = {max(0, best - 1), min(best + 1, len(exposures) - 1)}
         wanted = beside - fits.keys()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
-
 import numpy as np
 
 from .agreement import Agreement
@@ -20,7 +18,7 @@ from .row_refinement import RowRefinement
 from .start import StripMatches
 from .stream import StreamMemory
 from .sweep import held_rows, level_of, swept
-from .workers import beside
+from .workers import Workers, beside
 
 # Of the misfit of a frame that was refused: denser knots from the start leave 0.3 to 0.6 of it
 # where they are right, 0.98 and more where the frame shows another place or is blurred.
@@ -33,9 +31,7 @@ class PathStage:
 
     frame_class = PathFrame
 
-    def __init__(
-        self, reference: Reference, grid: Grid, config: Config, executor: Executor
-    ) -> None:
+    def __init__(self, reference: Reference, grid: Grid, config: Config, executor: Workers) -> None:
         self._reference = reference
         self._executor = executor
         self._estimator = PathEstimator(reference, grid, config, executor)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,7 +11,7 @@ import numpy as np
 from ._kernels.render import blur_rows, live_places, show_rows
 from .motion import CameraPath
 from .photometric import LUMA_WEIGHTS, Light
-from .workers import shared
+from .workers import Workers, shared
 
 STEP_PX = 1.0  # px the reference moves between two instants of the exposure
 ONE_WEIGHT = np.ones(1, np.float32)  # of the only plane of a grey image
@@ -41,7 +40,7 @@ class Window:
 def blurred(
     fine: np.ndarray,
     path: CameraPath,
-    executor: Executor,
+    executor: Workers,
     relative_depth: float = 1.0,
     window: Window | None = None,
     step_px: float = STEP_PX,
@@ -55,7 +54,7 @@ def blurred(
         Reference from `sampling.half_pixel`, linear light.
     path : CameraPath
         Motion of the live camera.
-    executor : Executor
+    executor : Workers
         Threads that share the rows.
     relative_depth : float
         ``d_l`` of the layer that is rendered, background = 1.
@@ -101,7 +100,7 @@ def shown(
     path: CameraPath,
     light: Light,
     gamma: float,
-    executor: Executor,
+    executor: Workers,
     relative_depth: float = 1.0,
     window: Window | None = None,
 ) -> Shown:
@@ -120,7 +119,7 @@ def shown(
         Of the live frame.
     gamma : float
         Tone curve of the camera.
-    executor : Executor
+    executor : Workers
         Threads that share the rows.
     relative_depth : float
         ``d_l`` of the layer that is rendered, background = 1.
@@ -166,7 +165,7 @@ def _instants(path: CameraPath, relative_depth: float, step_px: float) -> tuple[
     )  # fmt: skip
 
 
-def rectified(live: np.ndarray, path: CameraPath, executor: Executor) -> np.ndarray:
+def rectified(live: np.ndarray, path: CameraPath, executor: Workers) -> np.ndarray:
     """
     Bring a live image back to the reference's grid through each row's centroid pose.
 
@@ -177,7 +176,7 @@ def rectified(live: np.ndarray, path: CameraPath, executor: Executor) -> np.ndar
 
 
 def shown_at(
-    path: CameraPath, executor: Executor, surface: np.ndarray | None = None
+    path: CameraPath, executor: Workers, surface: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """
     Find where the live frame shows each pixel of the reference, at each row's centroid pose.

@@ -8,7 +8,6 @@ solved over the poses around its neighbour's centroid, the upper and the lower h
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +18,7 @@ from .motion import Grid
 from .row_fit import AROUND_NEIGHBOUR, AROUND_START, RowFit
 from .row_solver import LAMBDA_2, WHITE, change_of, solve_row_osqp, solve_transposed
 from .sampling import half_pixel
+from .workers import Workers, each
 
 DEGREES_OF_FREEDOM = (2, 3, 6)  # t_x t_y | r_z | scale r_x r_y
 SOLVERS = ('active_set', 'osqp')
@@ -75,7 +75,7 @@ class RowEstimator:
         Display grey levels 0..255: the report adds intensities as they are.
     grid : Grid
         Sizes and focal length.
-    executor : Executor
+    executor : Workers
         Threads; two are used, the result does not depend on them.
     degrees_of_freedom : int
         2: t_x t_y, 3: + r_z, 6: + scale r_x r_y. The others keep the start's values.
@@ -93,7 +93,7 @@ class RowEstimator:
         self,
         reference: np.ndarray,
         grid: Grid,
-        executor: Executor,
+        executor: Workers,
         *,
         degrees_of_freedom: int = 3,
         solver: str = 'active_set',
@@ -145,7 +145,7 @@ class RowEstimator:
             def walk(half: range) -> None:
                 self._walk(live, usable, start_poses, half, centroid, solutions)
 
-            list(self._executor.map(walk, halves))
+            each(self._executor, walk, halves)
         return self._fit(live, start_poses, solutions)
 
     def _usable(self, live: np.ndarray, start_poses: np.ndarray) -> np.ndarray:

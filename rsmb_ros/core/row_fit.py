@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ._kernels.rows import blend_rows
 from .motion import Grid
+from .workers import Workers, each
 
 CHUNKS = 8  # blocks of rows that threads share
 
@@ -51,7 +51,7 @@ class RowFit:
     centroids: np.ndarray = field(repr=False)  # (M, 6) tau_c of each row
 
     def render(
-        self, fine: np.ndarray, relative_depth: float = 1.0, executor: Executor | None = None
+        self, fine: np.ndarray, relative_depth: float = 1.0, executor: Workers | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """
         Warp the reference to each row's poses and add it up by their weights (Eq. 1).
@@ -62,7 +62,7 @@ class RowFit:
             Reference from `sampling.half_pixel`.
         relative_depth : float
             ``d_l`` of the layer that is rendered, background = 1: t becomes t / d.
-        executor : Executor, optional
+        executor : Workers, optional
             Threads that share the rows; the result does not depend on them.
 
         Returns
@@ -84,5 +84,8 @@ class RowFit:
                 1.0 / relative_depth, image, complete,
             )  # fmt: skip
 
-        list(map(run, range(CHUNKS)) if executor is None else executor.map(run, range(CHUNKS)))
+        if executor is None:
+            list(map(run, range(CHUNKS)))
+        else:
+            each(executor, run, range(CHUNKS))
         return image, complete

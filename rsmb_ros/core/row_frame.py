@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from dataclasses import replace
 from functools import cached_property
 
@@ -18,6 +17,7 @@ from .render import Shown, Window
 from .row_estimator import RowEstimator
 from .row_fit import RowFit
 from .start import StripMatches, start_path
+from .workers import Workers
 
 KNOT_ROWS = 6.0  # of the path laid through the centroids
 START_EXPOSURE = 0.0  # rows; the coarse start of rows knows of no exposure
@@ -26,9 +26,7 @@ START_EXPOSURE = 0.0  # rows; the coarse start of rows knows of no exposure
 class RowStage:
     """Solves the rows of live frames of one size against one reference."""
 
-    def __init__(
-        self, reference: Reference, grid: Grid, config: Config, executor: Executor
-    ) -> None:
+    def __init__(self, reference: Reference, grid: Grid, config: Config, executor: Workers) -> None:
         self._reference = reference
         self._grid = grid
         self._config = config
@@ -87,7 +85,7 @@ class RowFrame(RegisteredFrame):
         grey: np.ndarray,
         fit: RowFit,
         path: CameraPath,
-        executor: Executor,
+        executor: Workers,
     ) -> None:
         self._rows = fit
         self._path = path

@@ -9,7 +9,6 @@ are dealt to two halves in stripes, a path is fitted to each and measured on the
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Protocol, TypeVar
 
@@ -23,6 +22,7 @@ from .path_estimator import PathEstimator, level_count
 from .path_fit import PathFit
 from .points import LiveImage, Points
 from .row_signal import row_signal, second_half
+from .workers import Workers
 
 # A vibration is worth the time when shifts of rows that one half of the columns asks for explain
 # this share of the misfit of the other half; below 0.01 on most frames that knots follow.
@@ -60,13 +60,13 @@ class RowRefinement:
         What fitted the paths.
     grid : Grid
     config : Config
-    executor : Executor
+    executor : Workers
         Threads that share the work.
 
     """
 
     def __init__(
-        self, estimator: PathEstimator, grid: Grid, config: Config, executor: Executor
+        self, estimator: PathEstimator, grid: Grid, config: Config, executor: Workers
     ) -> None:
         self._estimator = estimator
         self._executor = executor

@@ -7,7 +7,6 @@ columns are dealt to two halves in stripes, and what one half asks for is measur
 
 from __future__ import annotations
 
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,7 +15,7 @@ from scipy.linalg import solveh_banded
 
 from ._kernels.row_shift import TERMS, row_sums
 from .level_fit import MIN_SIGMA
-from .workers import shared
+from .workers import Workers, shared
 
 STRIPES = 20  # over the width; every other one belongs to the second half
 SMOOTH = 1e4  # 1/px^2, weight of bends: a row may bend its neighbours' line by 0.01 px (sigma)
@@ -39,7 +38,7 @@ class RowSignal:
 
 
 def row_signal(
-    predicted: np.ndarray, residual: np.ndarray, judged: np.ndarray, executor: Executor
+    predicted: np.ndarray, residual: np.ndarray, judged: np.ndarray, executor: Workers
 ) -> RowSignal:
     """
     Measure how far rows lie from where they are predicted, and whether that can be believed.
@@ -50,7 +49,7 @@ def row_signal(
         Prediction and live - predicted [grey levels].
     judged : ndarray of shape (M, N), bool
         Pixels that count.
-    executor : Executor
+    executor : Workers
         Threads that share the rows.
 
     """

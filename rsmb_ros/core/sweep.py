@@ -11,7 +11,6 @@ there: as the report sweeps its rows, but with their blur.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
 
@@ -22,7 +21,7 @@ from .motion import CameraPath
 from .path_estimator import PathEstimator
 from .path_fit import PathFit
 from .points import LiveImage, Points
-from .workers import each
+from .workers import Workers, each
 
 AGREES = 0.6  # share of the blocks that agree from which on a band of rows is held, ...
 LOST = 0.3  # ... and below which it is lost
@@ -84,7 +83,7 @@ def swept(
     live: LiveImage,
     estimator: PathEstimator,
     held: tuple[int, int],
-    executor: Executor,
+    executor: Workers,
 ) -> PathFit:
     """
     Fit the path of `live` again, from the rows that are `held` (first, last) to its ends.
@@ -98,7 +97,7 @@ def swept(
         What fitted it.
     held : tuple of int
         See `held_rows`.
-    executor : Executor
+    executor : Workers
         Threads that share the work.
 
     """
@@ -128,7 +127,7 @@ class _Sweep:
     """Takes a path over more and more rows of the `points` at all sizes, by those of size `n`."""
 
     def __init__(
-        self, points: Sequence[Points], estimator: PathEstimator, n: int, executor: Executor
+        self, points: Sequence[Points], estimator: PathEstimator, n: int, executor: Workers
     ) -> None:
         self._points = points
         self._estimator = estimator
