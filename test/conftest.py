@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -11,6 +10,7 @@ import numpy as np
 import pytest
 
 from rsmb_ros.core.motion import Grid, still_path
+from rsmb_ros.core.workers import Workers
 
 
 def textured(rows: int, cols: int, seed: int) -> np.ndarray:
@@ -33,7 +33,7 @@ def texture_of():
 @pytest.fixture(scope='session')
 def executor():
     """Two threads, as the detector has."""
-    with ThreadPoolExecutor(2) as pool:
+    with Workers(2) as pool:
         yield pool
 
 

@@ -213,8 +213,10 @@ class ChangeFinder:
         return mask
 
     def _match_tones(self, frame: RegisteredFrame) -> None:
+        waited = beside(self._executor, lambda: frame.row_uncertainty)  # is asked next
         if self._config.photometric.tones:
             frame.match_tones()
+        waited()
 
     def _evidence(self, frame: RegisteredFrame) -> Seen:
         place = np.nan_to_num(frame.row_uncertainty, posinf=LOST).astype(np.float32)
@@ -259,7 +261,8 @@ class ChangeFinder:
             refused,
         )
         explain = partial(search.explain, known=known)
-        layers = list(filter(None, each(self._executor, explain, blobs(seen.mask))))
+        found = each(self._executor, explain, blobs(seen.mask), lambda blob: blob.mask.size)
+        layers = list(filter(None, found))
         rest = seen.mask.copy()
         for layer in layers:
             rest[layer.blob.box][layer.blob.mask] = 0

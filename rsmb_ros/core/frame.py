@@ -193,7 +193,13 @@ class RegisteredFrame(ABC):
             self.predicted = self.predicted.copy()
             self._colours = None if self._colours is None else self._colours.copy()
         new = [front for front in self._fronts if front not in self._in_front]
-        self._in_front.update(zip(new, each(self._executor, self._own, new), strict=True))
+        self._in_front.update(
+            zip(
+                new,
+                each(self._executor, self._own, new, lambda front: front.edge.size),
+                strict=True,
+            )
+        )
         for front in self._fronts:
             box, own = front.window.box, self._in_front[front]
             self.judged[box] &= ~front.unknown(own.grey, own.complete, self.predicted[box])

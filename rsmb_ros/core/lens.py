@@ -8,7 +8,7 @@ import numpy as np
 
 from .buffers import Buffers
 from .sampling import defocused
-from .workers import Workers, shared
+from .workers import Workers
 
 # px^2 between the lenses that a reference is seen through: half of it away, a rendered image is
 # off by 0.03 to 0.15 grey levels rms.
@@ -63,9 +63,4 @@ class Lens:
         fine, glass = self._sharp.fine, Glass()
         out = self._buffers.lend(glass, fine.shape)
 
-        def run(first: int, last: int) -> None:
-            part = np.s_[first:last]
-            defocused(fine[part], self._softer[part], variance, out[part])
-
-        shared(executor, run, len(fine), fine.size)
-        return Seen(variance, out, glass)
+        return Seen(variance, defocused(fine, self._softer, variance, executor, out), glass)

@@ -24,7 +24,7 @@ from .workspace import Workspace
 
 CHUNKS = 8  # blocks of rows, summed in this order whatever the number of threads
 SHARES = 4  # of the chunks, that threads take: calling a kernel with so much takes its time
-ALONE = 16_000  # points times instants, below which a second thread takes longer to wake
+ALONE = 4_000  # points times instants, below which a second thread takes longer to ask
 POINT_STEP = 1.0  # px of the level between instants of the exposure
 NO_RESIDUAL = 1e8  # residuals above this mark points without reference
 OUTLIER = 30.0  # grey levels; residuals beyond count as that when fits are compared
@@ -60,14 +60,16 @@ class Level:
         self.factor = 2.0**number
         self._defocused: tuple[float, np.ndarray] = (0.0, fine)
 
-    def defocused(self, variance: float) -> tuple[float, np.ndarray]:
+    def defocused(
+        self, variance: float, executor: Workers | None = None
+    ) -> tuple[float, np.ndarray]:
         """Return the reference (2M, 2N) with about that defocus, and how much it is [px^2]."""
         near = DEFOCUS_STEP * round(variance / DEFOCUS_STEP)
         kept = self._defocused  # of the last fit: frames of one camera are alike
         if near == 0.0:
             return near, self._fine
         if kept[0] != near:
-            kept = self._defocused = (near, defocused(self._fine, self.softer, near))
+            kept = self._defocused = (near, defocused(self._fine, self.softer, near, executor))
         return kept
 
 
@@ -114,7 +116,7 @@ class NormalEquations:
         self._executor = executor
         self._dof = config.registration.degrees_of_freedom
         self._knots = len(path.control)
-        self._start_defocus, fine = level.defocused(fit.defocus)
+        self._start_defocus, fine = level.defocused(fit.defocus, executor)
         last = grid.live_shape[0] - 1
         self._at_full_size = np.clip((points.rows + 0.5) * level.factor - 0.5, 0, last)
         self._times = last - self._at_full_size if path.bottom_up else self._at_full_size

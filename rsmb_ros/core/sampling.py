@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
+from .workers import Workers, shared
+
 # Half-pixel interpolation, 8 taps; what lies between the half pixels is sampled bilinearly.
 HALF_PIXEL_TAPS = np.array([-0.0105, 0.0465, -0.1525, 0.6165], np.float32)
 SOFT_SIGMA = 0.7  # px, of the small blur that defocus is made of
@@ -72,20 +74,32 @@ def softened(image: np.ndarray, pixel: float) -> np.ndarray:
 
 
 def defocused(
-    image: np.ndarray, softer: np.ndarray, variance: float, out: np.ndarray | None = None
+    image: np.ndarray,
+    softer: np.ndarray,
+    variance: float,
+    executor: Workers | None = None,
+    out: np.ndarray | None = None,
 ) -> np.ndarray:
     """
     Return an image (M, ...) float32 seen through a lens that blurs by `variance` more [px^2].
 
     `softer` is what `softened` says that 1 px^2 adds; negative variances sharpen. `out`, where
-    given, is contiguous and receives the result.
+    given, is contiguous and receives the result; threads of an `executor` share the rows.
     """
     if variance == 0.0 and out is None:
         return image
     if out is None:
         out = np.empty_like(image)
-    flat = (softer.reshape(len(image), -1), variance, image.reshape(len(image), -1))
-    cv2.scaleAdd(*flat, dst=out.reshape(len(image), -1))
+    added, seen = softer.reshape(len(image), -1), out.reshape(len(image), -1)
+    flat = image.reshape(len(image), -1)
+
+    def run(first: int, last: int) -> None:
+        cv2.scaleAdd(added[first:last], variance, flat[first:last], dst=seen[first:last])
+
+    if executor is None:
+        run(0, len(image))
+    else:
+        shared(executor, run, len(image), image.size)
     return out
 
 

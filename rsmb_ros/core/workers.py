@@ -199,15 +199,26 @@ def beside(executor: Workers, task: Callable[[], T]) -> Callable[[], T]:
     return executor.ask(task).result
 
 
-def each(executor: Workers, run: Callable[[T], R], items: Sequence[T]) -> list[R]:
-    """Return `run` of each item, in their order, by several threads at once."""
+def each(
+    executor: Workers,
+    run: Callable[[T], R],
+    items: Sequence[T],
+    work: Callable[[T], float] | None = None,
+) -> list[R]:
+    """
+    Return `run` of each item, in their order, by several threads at once.
+
+    Those of most `work` are begun first, the last ones where nothing is known of it: nobody shall
+    wait for the one that is left.
+    """
     if len(items) < 2:
         return [run(item) for item in items]
     results: list[R | None] = [None] * len(items)
+    turns = sorted(range(len(items)), key=lambda n: work(items[n]) if work else n)
 
     def block(first: int, last: int) -> None:
-        for n in range(first, last):
+        for n in turns[first:last]:
             results[n] = run(items[n])
 
-    shared(executor, block, len(items), SMALL)
+    shared(executor, block, len(items), SMALL, max(PARTS, len(items)))
     return cast(list[R], results)

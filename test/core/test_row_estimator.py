@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-
 import naive_rows
 import numpy as np
 import pytest
@@ -277,7 +275,7 @@ def test_osqp_finds_the_same_motion(texture_of, executor):
 def test_result_depends_on_neither_run_nor_threads(shaken):
     fits = []
     for threads in (1, 2, 2):
-        with ThreadPoolExecutor(threads) as executor:
+        with Workers(threads) as executor:
             fits.append(shaken.fit(executor))
     for other in fits[1:]:
         for name in ('poses', 'weights', 'solved', 'chi', 'centroids'):

@@ -36,7 +36,7 @@ def test_defocus_adds_what_a_small_blur_takes_away():
     expected = image + np.float32(0.3) * softer
     np.testing.assert_allclose(defocused(image, softer, 0.3), expected, rtol=1e-5, atol=1e-4)
     out = np.zeros_like(image)
-    defocused(image[4:9], softer[4:9], 0.3, out[4:9])
+    defocused(image[4:9], softer[4:9], 0.3, out=out[4:9])
     np.testing.assert_allclose(out[4:9], expected[4:9], rtol=1e-5, atol=1e-4)  # float32
     assert not out[:4].any()
     assert not out[9:].any()
