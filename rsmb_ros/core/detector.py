@@ -19,11 +19,11 @@ from .clock import Clock
 from .coarse import CoarseSearch, sub_pixel_peak
 from .config import Config
 from .features import FeatureSearch
-from .frame import BlankViews, PathFrame, RegisteredFrame
+from .frame import PathFrame, RegisteredFrame
 from .layered_frame import LayeredStage
 from .layers import Layer, Place
 from .motion import Grid
-from .outcome import Outcome, outcome_of, remembered
+from .outcome import BlankViews, Outcome, outcome_of, remembered
 from .path_stage import PathStage
 from .persistence import RegionMemory
 from .photometric import luma

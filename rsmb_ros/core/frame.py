@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
+from functools import cached_property, partial
 
 import cv2
 import numpy as np
@@ -20,7 +20,7 @@ from .path_fit import PathFit, row_uncertainty
 from .reference import CLIPPED, Reference
 from .render import Shown, Window, blurred, rectified, shown
 from .tone_match import ToneMatch, tone_match
-from .workers import Workers, each
+from .workers import Workers, beside, each
 
 BORDER = 5  # px next to the reference's edge that are not judged: interpolation ends there
 MAX_RESIDUAL = 30.0  # grey levels; beyond that a pixel shows something else
@@ -58,11 +58,11 @@ class RegisteredFrame(ABC):
         """Compare the live frame with what the reference shows."""
         self._ground = shown
         self.predicted, self._colours, self.complete = shown
+        waited = beside(self._executor, partial(_inner, shown.complete))
         self.residual = self.grey - self.predicted
         self.misfit = np.ones(self.grey.shape, np.float32)
-        edge = cv2.copyMakeBorder(self.complete.view(np.uint8), *[1] * 4, cv2.BORDER_CONSTANT)
-        inner = cv2.erode(edge, np.ones((BORDER, BORDER), np.uint8))[1:-1, 1:-1] > 0
-        self.judged = inner & ~self._clipped()
+        self.judged = ~self._clipped()
+        self.judged &= waited()
 
     def lose(self, rows: np.ndarray) -> None:
         """Judge nothing in the `rows` (M,) bool: the path does not lie there."""
@@ -77,7 +77,7 @@ class RegisteredFrame(ABC):
         """How alike the frame and its prediction are, at the first time of asking."""
         found = agreement(self.predicted, self.grey, self.complete)
         alike = found.within(self.judged)
-        return Likeness(found, sharpness(self.predicted, self.grey, alike, self._executor))
+        return Likeness(found, sharpness(self.predicted, self.grey, alike))
 
     @property
     def cost(self) -> float:
@@ -193,20 +193,15 @@ class RegisteredFrame(ABC):
             self.predicted = self.predicted.copy()
             self._colours = None if self._colours is None else self._colours.copy()
         new = [front for front in self._fronts if front not in self._in_front]
-        self._in_front.update(
-            zip(
-                new,
-                each(self._executor, self._own, new, lambda front: front.edge.size),
-                strict=True,
-            )
-        )
+        own = each(self._executor, self._own, new, lambda front: front.edge.size)
+        self._in_front.update(zip(new, own, strict=True))
         for front in self._fronts:
-            box, own = front.window.box, self._in_front[front]
-            self.judged[box] &= ~front.unknown(own.grey, own.complete, self.predicted[box])
-            inside = front.inside & own.complete
-            self.predicted[box][inside] = own.grey[inside]
-            if self._colours is not None and own.colours is not None:
-                self._colours[box][inside] = own.colours[inside]
+            box, seen = front.window.box, self._in_front[front]
+            self.judged[box] &= ~front.unknown(seen.grey, seen.complete, self.predicted[box])
+            inside = front.inside & seen.complete
+            self.predicted[box][inside] = seen.grey[inside]
+            if self._colours is not None and seen.colours is not None:
+                self._colours[box][inside] = seen.colours[inside]
             self.misfit[box][inside] = front.place.misfit
         self.residual = self.grey - self.predicted
 
@@ -300,12 +295,12 @@ class PathFrame(RegisteredFrame):
     def match_tones(self) -> None:
         """Show the reference in the tones of the live frame, where they are others."""
         predicted = Shown(self.predicted, self._colours, self.complete)
-        if tone_match(predicted, self.live, self.grey) is None:
+        if tone_match(predicted, self.live, self.grey, self._executor) is None:
             return
         # a bias below 0 makes all dark tones one: the curve takes its part
         self._light = replace(self.fit.light, bias=0.0)
         unbiased = self.predict()
-        self._tones = tone_match(unbiased, self.live, self.grey)
+        self._tones = tone_match(unbiased, self.live, self.grey, self._executor)
         if self._tones is None:
             self._light = self.fit.light
         else:
@@ -337,17 +332,7 @@ class PathFrame(RegisteredFrame):
         return self._colours.copy()
 
 
-@dataclass(frozen=True)
-class BlankViews:
-    """Views of a frame that could not be registered: black."""
-
-    reference: np.ndarray
-    live: np.ndarray
-
-    def registered(self) -> np.ndarray:
-        """Return black in the live frame's size and the reference's channels."""
-        return np.zeros(self.live.shape[:2] + self.reference.shape[2:], np.uint8)
-
-    def rectified(self) -> np.ndarray:
-        """Return black in the reference's size and the live frame's channels."""
-        return np.zeros(self.reference.shape[:2] + self.live.shape[2:], np.uint8)
+def _inner(complete: np.ndarray) -> np.ndarray:
+    """Where a mask (M, N) bool holds for all that is near, its border included (M, N) bool."""
+    edge = cv2.copyMakeBorder(complete.view(np.uint8), *[1] * 4, cv2.BORDER_CONSTANT)
+    return cv2.erode(edge, np.ones((BORDER, BORDER), np.uint8))[1:-1, 1:-1] > 0

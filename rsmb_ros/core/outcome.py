@@ -29,6 +29,22 @@ class Outcome:
     path: CameraPath | None = None  # None: not registered, there is nothing to remember
 
 
+@dataclass(frozen=True)
+class BlankViews:
+    """Views of a frame that could not be registered: black."""
+
+    reference: np.ndarray
+    live: np.ndarray
+
+    def registered(self) -> np.ndarray:
+        """Return black in the live frame's size and the reference's channels."""
+        return np.zeros(self.live.shape[:2] + self.reference.shape[2:], np.uint8)
+
+    def rectified(self) -> np.ndarray:
+        """Return black in the reference's size and the live frame's channels."""
+        return np.zeros(self.reference.shape[:2] + self.live.shape[2:], np.uint8)
+
+
 def outcome_of(finding: Finding, config: ChangeConfig, executor: Workers, clock: Clock) -> Outcome:
     """Return what a registered frame says."""
     frame = finding.frame

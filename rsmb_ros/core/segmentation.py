@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -15,6 +16,7 @@ CLOSE_RADIUS = 5.0  # px, gaps in an outline that are closed
 OUTLINE = 1.8  # of threshold_low, that an outline is drawn at
 TIGHT_RADIUS = 5.0  # px, gaps in an object that are closed when its outline is drawn
 TIGHT_SHARE = 0.35  # of an object that must show in the smaller window
+FEW = 12  # regions whose boxes are compared sooner than all pixels are labelled
 OPEN_SIZE = 5  # px, thinner leftovers along depth edges are not objects
 
 
@@ -156,16 +158,29 @@ def blobs(mask: np.ndarray) -> list[Blob]:
         return []
     part = mask[top : top + height, left : left + width]
     # boxes by outlines: OpenCV's own statistics of the regions take longer than all of this
-    _, labels = cv2.connectedComponents(part, connectivity=8)
     outlines, nesting = cv2.findContours(part, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
-    found = []
-    for outline, (*_, parent) in zip(outlines, nesting[0], strict=True):
-        if parent < 0:  # else it is a hole
-            x, y, width, height = cv2.boundingRect(outline)
-            own = labels[tuple(outline[0, 0, ::-1])]
-            inside = labels[y : y + height, x : x + width] == own
-            found.append(Blob(inside, left + x, top + y))
+    outer = [one for one, (*_, hole) in zip(outlines, nesting[0], strict=True) if hole < 0]
+    boxes = [cv2.boundingRect(outline) for outline in outer]
+    if _apart(boxes):  # what lies in a box is one region's
+        masks = [part[y : y + h, x : x + w] > 0 for x, y, w, h in boxes]
+    else:
+        _, labels = cv2.connectedComponents(part, connectivity=8)
+        own = [labels[tuple(outline[0, 0, ::-1])] for outline in outer]
+        masks = [
+            labels[y : y + h, x : x + w] == label
+            for (x, y, w, h), label in zip(boxes, own, strict=True)
+        ]
+    found = [Blob(mask, left + x, top + y) for mask, (x, y, _, _) in zip(masks, boxes, strict=True)]
     return sorted(found, key=lambda blob: (blob.y, blob.x))
+
+
+def _apart(boxes: Sequence[Sequence[int]]) -> bool:
+    """Whether boxes x, y, width, height are few, and no two of them share a pixel."""
+    return len(boxes) <= FEW and not any(
+        max(x, u) < min(x + w, u + k) and max(y, v) < min(y + h, v + m)
+        for n, (x, y, w, h) in enumerate(boxes)
+        for u, v, k, m in boxes[:n]
+    )
 
 
 def drawn(found: list[Blob], shape: tuple[int, ...]) -> np.ndarray:

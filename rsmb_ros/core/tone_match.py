@@ -17,6 +17,7 @@ import numpy as np
 from ._kernels.tones import add_offsets, add_tones, count_offsets
 from .photometric import LUMA_WEIGHTS
 from .render import ONE_WEIGHT, Shown
+from .workers import Workers, each
 
 KNOTS = 17  # of a curve, evenly over 0..255
 BINS = 32  # of intensity, in which a place says what it is off by
@@ -66,7 +67,9 @@ class ToneMatch:
         return Shown(grey, colours, shown.complete)
 
 
-def tone_match(shown: Shown, live: np.ndarray, grey: np.ndarray) -> ToneMatch | None:
+def tone_match(
+    shown: Shown, live: np.ndarray, grey: np.ndarray, executor: Workers
+) -> ToneMatch | None:
     """
     Compare what is shown of a reference with a live frame; None where their curves are the same.
 
@@ -77,6 +80,8 @@ def tone_match(shown: Shown, live: np.ndarray, grey: np.ndarray) -> ToneMatch | 
     live : ndarray of shape (M, N) or (M, N, 3), uint8
     grey : ndarray of shape (M, N), float32
         Grey levels of `live`.
+    executor : Workers
+        Threads that share the work.
 
     """
     if shown.colours is not None and shown.colours.ndim == live.ndim:
@@ -86,13 +91,14 @@ def tone_match(shown: Shown, live: np.ndarray, grey: np.ndarray) -> ToneMatch | 
     rows, columns = (length // STEP for length in grey.shape)
     size = {'dsize': (columns, rows), 'interpolation': cv2.INTER_AREA}
     # means: where pixels hold noise, what is bright here by chance is less so there
-    before, after = (cv2.resize(image, **size).reshape(rows, columns, -1) for image in pair)
+    smaller = each(executor, lambda image: cv2.resize(image, **size), pair)
+    before, after = (image.reshape(rows, columns, -1) for image in smaller)
     whole = cv2.resize(shown.complete.astype(np.float32), **size) > ALL
     cell = max(2, columns // PLACES_ACROSS)
     places = -(-rows // cell) * -(-columns // cell)
     sums = np.zeros((before.shape[2], places, BINS, 3), np.int64)
     count_offsets(before, after, whole, cell, BRIGHT, MOST, sums)
-    fits = [_curve(table) for table in sums.reshape(len(sums), -1, 3)]
+    fits = each(executor, _curve, list(sums.reshape(len(sums), -1, 3)))
     if not any(different for _, different in fits):
         return None
     values = np.linspace(0.0, KNOTS - 1.0, 256)

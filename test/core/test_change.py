@@ -79,44 +79,44 @@ def test_agreement_counts_blocks_not_pixels(texture_of):
     assert agreement(np.full_like(image, 9), np.full_like(image, 9), whole).share is None
 
 
-def test_a_smeared_prediction_is_told_from_a_right_one(texture_of, executor):
+def test_a_smeared_prediction_is_told_from_a_right_one(texture_of):
     image = texture_of(240, 320, 7).astype(np.float32)
     judged = np.ones(image.shape, bool)
-    assert abs(sharpness(image, image, judged, executor) - 1.0) < 1e-6
-    assert sharpness(cv2.blur(image, (21, 21)), image, judged, executor) < 0.6
+    assert abs(sharpness(image, image, judged) - 1.0) < 1e-6
+    assert sharpness(cv2.blur(image, (21, 21)), image, judged) < 0.6
 
 
 @pytest.mark.parametrize('noise', [4.0, 10.0])
-def test_noise_makes_no_smeared_prediction_sharp(texture_of, noise, executor):
+def test_noise_makes_no_smeared_prediction_sharp(texture_of, noise):
     """Nor does it make a right one soft, when it is the live frame's."""
     image = texture_of(240, 320, 7).astype(np.float32)
     grain = np.random.default_rng(8).normal(0, noise, image.shape).astype(np.float32)
     judged = np.ones(image.shape, bool)
     smeared = cv2.blur(image, (21, 21))
-    assert sharpness(smeared + grain, image, judged, executor) < 0.6
-    assert sharpness(image, image + grain, judged, executor) > 0.85
+    assert sharpness(smeared + grain, image, judged) < 0.6
+    assert sharpness(image, image + grain, judged) > 0.85
 
 
-def test_edges_of_a_new_object_do_not_make_the_ground_look_smeared(texture_of, executor):
+def test_edges_of_a_new_object_do_not_make_the_ground_look_smeared(texture_of):
     """A truck on asphalt: only the live frame has such edges."""
     image = 100.0 + 0.15 * texture_of(240, 320, 7).astype(np.float32)
     live, judged = image.copy(), np.ones(image.shape, bool)
     truck = np.random.default_rng(9).uniform(20, 230, (20, 28)).astype(np.float32)
     live[64:144, 96:208] = truck.repeat(4, axis=0).repeat(4, axis=1)
-    assert sharpness(image, live, judged, executor) < 0.6
+    assert sharpness(image, live, judged) < 0.6
     found = agreement(image, live, judged)
     assert 0.6 < found.share < 0.95
     alike = found.within(judged)
     assert not alike[64:144, 96:208].any()
-    assert abs(sharpness(image, live, alike, executor) - 1.0) < 0.05
-    assert sharpness(cv2.blur(image, (21, 21)), live, alike, executor) < 0.6
+    assert abs(sharpness(image, live, alike) - 1.0) < 0.05
+    assert sharpness(cv2.blur(image, (21, 21)), live, alike) < 0.6
 
 
-def test_only_what_is_judged_counts_as_sharp(texture_of, executor):
+def test_only_what_is_judged_counts_as_sharp(texture_of):
     image = texture_of(240, 320, 7).astype(np.float32)
     smeared = cv2.blur(image, (21, 21))
     smeared[:, :160] = image[:, :160]
     left = np.zeros(image.shape, bool)
     left[:, :150] = True
-    assert sharpness(smeared, image, left, executor) > 0.99
-    assert sharpness(smeared, image, ~left & (np.arange(320) > 170), executor) < 0.6
+    assert sharpness(smeared, image, left) > 0.99
+    assert sharpness(smeared, image, ~left & (np.arange(320) > 170)) < 0.6

@@ -48,15 +48,15 @@ def shown(image):
     return Shown(luma(image), image, np.ones(SHAPE, bool))
 
 
-def test_equal_tones_are_left_alone(colours):
+def test_equal_tones_are_left_alone(colours, executor):
     live = seen(colours, lambda value: value)
-    assert tone_match(shown(colours), live, luma(live)) is None
+    assert tone_match(shown(colours), live, luma(live), executor) is None
 
 
 @pytest.mark.parametrize('name', CURVES)
-def test_another_curve_is_found(colours, name):
+def test_another_curve_is_found(colours, name, executor):
     live = seen(colours, CURVES[name])
-    match = tone_match(shown(colours), live, luma(live))
+    match = tone_match(shown(colours), live, luma(live), executor)
     assert match is not None
     found = match.of(shown(colours))
     expected = CURVES[name](colours.astype(np.float64))
@@ -65,15 +65,15 @@ def test_another_curve_is_found(colours, name):
     assert np.sqrt(np.mean((found.grey - expected @ LUMA_WEIGHTS) ** 2)) < 1.0
 
 
-def test_each_colour_has_its_own(colours):
+def test_each_colour_has_its_own(colours, executor):
     live = seen(colours, lambda value: value * np.array([0.8, 1.0, 1.15]))
-    match = tone_match(shown(colours), live, luma(live))
+    match = tone_match(shown(colours), live, luma(live), executor)
     assert match is not None
     np.testing.assert_allclose(match.offsets[:, 128], [-25.6, 0.0, 19.2], atol=1.5)
 
 
 @pytest.mark.parametrize('grey_one', ['reference', 'live', 'both'])
-def test_one_of_the_images_may_be_grey(colours, grey_one):
+def test_one_of_the_images_may_be_grey(colours, grey_one, executor):
     known, live = shown(colours), seen(colours, contrast)
     if grey_one in ('reference', 'both'):
         grey = np.rint(luma(colours)).astype(np.uint8)
@@ -81,29 +81,32 @@ def test_one_of_the_images_may_be_grey(colours, grey_one):
         live = seen(np.repeat(grey[..., None], 3, axis=2), contrast)
     if grey_one in ('live', 'both'):
         live = np.rint(luma(live)).astype(np.uint8)
-    match = tone_match(known, live, luma(live))
+    match = tone_match(known, live, luma(live), executor)
     assert match is not None
     assert match.of(known).colours.shape == known.colours.shape
     assert np.abs(match.of(known).grey - luma(live)).mean() < 3.0
 
 
-def test_what_has_changed_does_not_bend_a_curve(colours):
+def test_what_has_changed_does_not_bend_a_curve(colours, executor):
     """A seventh of the frame is darker by 60: most places at each intensity are not."""
     live = seen(colours, contrast)
     live[60:150, 80:200] = np.maximum(live[60:150, 80:200], 60) - 60
-    match = tone_match(shown(colours), live, luma(live))
+    match = tone_match(shown(colours), live, luma(live), executor)
     assert match is not None
     away = np.ones(SHAPE, bool)
     away[60:150, 80:200] = False
     off = match.of(shown(colours)).grey - contrast(colours.astype(np.float64)) @ LUMA_WEIGHTS
     assert np.abs(off[away]).mean() < 2.0
-    assert tone_match(shown(colours), np.where(away[..., None], colours, live), luma(live)) is None
+    assert (
+        tone_match(shown(colours), np.where(away[..., None], colours, live), luma(live), executor)
+        is None
+    )
 
 
-def test_too_little_to_tell_is_no_other_curve(colours):
+def test_too_little_to_tell_is_no_other_curve(colours, executor):
     live = seen(colours, contrast)
     none = shown(colours)._replace(complete=np.zeros(SHAPE, bool))
-    assert tone_match(none, live, luma(live)) is None
+    assert tone_match(none, live, luma(live), executor) is None
 
 
 def test_another_contrast_is_no_change_but_an_object_is(colours):
