@@ -9,6 +9,7 @@ import sys
 
 import rsmb_ros
 from rsmb_ros.core.errors import ConfigError, RsmbError
+from rsmb_ros.core.workers import take_short_turns
 
 VERBS = {
     'detect': 'compare one live image file with a reference',
@@ -35,6 +36,7 @@ def main(argv: list[str] | None = None) -> int:
         0 done; 1 bad data; 2 bad usage; 130 interrupted. The reason is one line on stderr.
 
     """
+    take_short_turns()
     argv = sys.argv[1:] if argv is None else argv
     args = _parser(argv[0] if argv else '').parse_args(argv)
     logging.basicConfig(format='rsmb: %(levelname)s: %(message)s', level=logging.WARNING)

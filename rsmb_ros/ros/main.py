@@ -62,10 +62,12 @@ def main(args: list[str] | None = None) -> int:
     from rclpy.signals import SignalHandlerOptions
 
     from rsmb_ros.core.errors import ConfigError
+    from rsmb_ros.core.workers import take_short_turns
 
     from .node import RsmbNode
     from .transport import apply_profile
 
+    take_short_turns()
     transport = apply_profile(os.environ, Path.cwd())
     try:
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)

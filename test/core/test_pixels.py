@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import gc
 
+import cv2
 import numpy as np
 import pytest
 
 from rsmb_ros.core import Detector
-from rsmb_ros.core._kernels.pixels import block_moments, mark_bright, row_misfits
+from rsmb_ros.core._kernels.pixels import (
+    block_moments,
+    mark_bright,
+    row_misfits,
+    some_gradients,
+)
 from rsmb_ros.core.buffers import Buffers
 from rsmb_ros.core.lens import LENS_STEP, Lens
 from rsmb_ros.core.photometric import LUMA_WEIGHTS, luma
@@ -102,3 +108,20 @@ def test_an_image_that_may_not_be_written_to_is_taken(texture_of):
     live.flags.writeable = False
     result = Detector(image).detect(live)
     assert result.status == 'registered'
+
+
+@pytest.mark.oracle
+@pytest.mark.parametrize('shape', [SHAPE, (38, 54), (2, 2), (1, 9)])
+def test_gradients_of_some_pixels_are_those_of_opencv(rng, shape):
+    image = rng.uniform(0, 255, shape).astype(np.float32)
+    asked = rng.random(shape) < 0.7
+    energies = np.full(asked.size, -1.0, np.float32)
+    count = some_gradients(image, asked, energies)
+    g_x, g_y = (
+        cv2.Sobel(image.astype(np.float64), cv2.CV_64F, *order, scale=1 / 8)
+        for order in ((1, 0), (0, 1))
+    )
+    some = np.s_[::2, ::2]
+    expected = (g_x**2 + g_y**2)[some][asked[some]] if min(shape) > 1 else np.zeros(0)
+    np.testing.assert_allclose(energies[:count], expected, rtol=1e-4, atol=1e-3)
+    assert np.all(energies[count:] == -1.0)

@@ -99,6 +99,20 @@ def test_an_object_at_the_border_keeps_its_edge_there():
     np.testing.assert_array_equal(tightened(mask, sharp, LEVEL), mask)
 
 
+def test_regions_in_each_others_boxes_are_told_apart():
+    """A dot in a ring and two hooks, beside one that is alone."""
+    mask = np.zeros((60, 80), np.uint8)
+    mask[5:30, 5:30], mask[8:27, 8:27], mask[15:18, 15:18] = 1, 0, 1
+    mask[40:55, 5:7], mask[53:55, 5:20], mask[40:42, 9:22], mask[40:50, 20:22] = 1, 1, 1, 1
+    alone = mask.copy()
+    alone[:, 40:] = 0
+    mask[20:30, 50:70] = 1
+    found = blobs(mask)
+    assert [blob.area for blob in found] == [25**2 - 19**2, 9, 20 * 10, 15 * 2 + 13 * 2, 26 + 16]
+    assert all(np.all(mask[blob.box][blob.mask] == 1) for blob in found)
+    assert len(blobs(alone)) == 4
+
+
 @pytest.mark.parametrize('share', [0.02, 0.1, 0.3, 0.6])
 def test_blobs_are_the_connected_regions_in_order(share):
     """Regions in holes of others, at the edges of the image, of one pixel."""

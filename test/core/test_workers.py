@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+import time
+from functools import partial
 
 import numpy as np
 import pytest
@@ -53,8 +55,14 @@ def test_a_task_beside_is_done_once_whoever_does_it(threads):
 
     with Workers(threads) as workers:
         assert beside(workers, task)() == 'done'
-        stop = threading.Event()
-        busy = [workers.submit(stop.wait, 30.0) for _ in range(threads)]
+        begun, stop = threading.Semaphore(0), threading.Event()
+
+        def occupy():
+            begun.release()
+            return stop.wait(30.0)
+
+        busy = [workers.ask(occupy) for _ in range(workers.helpers)]
+        assert all(begun.acquire(timeout=30.0) for _ in busy)
         try:
             assert beside(workers, task)() == 'done', 'all others are busy'
         finally:
@@ -62,6 +70,70 @@ def test_a_task_beside_is_done_once_whoever_does_it(threads):
         assert all(one.result() for one in busy)
     assert len(done) == 2
     assert done[1] == threading.get_ident()
+
+
+def test_who_waits_for_a_task_does_what_others_ask_meanwhile():
+    """Else a task that asks for help would wait for one that waits for it."""
+    begun, done = threading.Event(), []
+
+    def asking(workers):
+        inner = workers.ask(lambda: done.append(threading.get_ident()))
+        begun.set()
+        deadline = time.monotonic() + 30.0
+        while not inner.done and time.monotonic() < deadline:
+            time.sleep(1e-3)
+        return inner.done
+
+    with Workers(2) as workers:
+        outer = workers.ask(lambda: asking(workers))
+        assert begun.wait(30.0)
+        assert outer.result()
+    assert done == [threading.get_ident()]
+
+
+def test_threads_that_sleep_wake_for_the_next_task(monkeypatch):
+    monkeypatch.setattr('rsmb_ros.core.workers.TURNS', 1)
+    with Workers(3) as workers:
+        for _ in range(5):
+            deadline = time.monotonic() + 30.0
+            while workers._awake and time.monotonic() < deadline:
+                time.sleep(1e-3)
+            assert workers._awake == 0, 'a thread without work does not sleep'
+            begun = threading.Barrier(3)  # only three threads at once get past it
+            asked = [workers.ask(partial(begun.wait, 30.0)) for _ in range(2)]
+            begun.wait(30.0)
+            assert len({one.result() for one in asked}) == 2
+
+
+def test_an_error_of_a_task_beside_is_raised_where_its_result_is_asked_for():
+    def task():
+        raise ValueError('of the task')
+
+    with Workers(2) as workers:
+        waited = beside(workers, task)
+        for _ in range(2):
+            with pytest.raises(ValueError, match='of the task'):
+                waited()
+
+
+@pytest.mark.parametrize('threads', [2, 5])
+def test_nothing_is_lost_or_done_twice_when_many_ask_at_once(threads):
+    def sum_of(n):
+        return sum(each(workers, lambda k: k * k, range(n)))
+
+    with Workers(threads) as workers:
+        for _ in range(20):
+            assert each(workers, sum_of, range(12)) == [
+                sum(k * k for k in range(n)) for n in range(12)
+            ]
+
+
+def test_the_most_work_is_begun_first():
+    begun = []
+    with Workers(1) as workers:
+        items = (3, 9, 1, 5)
+        assert each(workers, lambda n: begun.append(n) or n, items, lambda n: n) == [3, 9, 1, 5]
+    assert begun == [9, 5, 3, 1]
 
 
 def test_all_detectors_share_their_threads(texture_of):
