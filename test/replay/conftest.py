@@ -3,9 +3,9 @@
 import cv2
 import numpy as np
 import pytest
-from small_flight import COLS, ROWS, START_NS, STEP_NS, masks_of
+from small_flight import COLS, ROWS, flown, masks_of
 
-from rsmb_ros.bags.writing import BagFactory, BagWriter
+from rsmb_ros.bags.writing import BagFactory
 from rsmb_ros.replay.job import ReplayJob, replay
 
 
@@ -32,14 +32,7 @@ def photos(texture_of):
 @pytest.fixture(scope='session')
 def flight_bag(photos, factory, tmp_path_factory):
     """Bag with /reference/image once and /image six times, 4 Hz."""
-    path = tmp_path_factory.mktemp('bag') / 'flight.mcap'
-    with BagWriter(path) as bag:
-        for n, photo in enumerate(photos):
-            time_ns = START_NS + n * STEP_NS
-            header = factory.header(time_ns, 'cam')
-            topic = '/image' if n else '/reference/image'
-            bag.write(topic, factory.image(header, photo), time_ns)
-    return path
+    return flown(tmp_path_factory.mktemp('bag') / 'flight.mcap', factory, photos)
 
 
 @pytest.fixture(scope='session')

@@ -13,9 +13,8 @@ import zstandard
 from mcap.exceptions import EndOfFile
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
-from small_flight import START_NS, STEP_NS, masks_of
+from small_flight import flown, masks_of
 
-from rsmb_ros.bags.writing import BagWriter
 from rsmb_ros.replay.job import ReplayJob, replay
 
 TIMES = 2
@@ -26,12 +25,7 @@ FILES = ('out.mcap', 'out.csv', 'out.jsonl')
 def long_bag(photos, factory, tmp_path_factory):
     """Bag with the frames of the small flight again and again: most are still to come at a kill."""
     path = tmp_path_factory.mktemp('long') / 'flight.mcap'
-    with BagWriter(path) as bag:
-        for n, photo in enumerate(photos[:1] + photos[1:] * 8):
-            time_ns = START_NS + n * STEP_NS
-            header = factory.header(time_ns, 'cam')
-            bag.write('/image' if n else '/reference/image', factory.image(header, photo), time_ns)
-    return path
+    return flown(path, factory, photos[:1] + photos[1:] * 8)
 
 
 def topics_read(path):
