@@ -33,7 +33,7 @@ MIN_SIGMA = 1.0  # grey levels; no camera is quieter
 RELINEARISE = 0.25  # px of the level the rows may move, rms, before Jacobians are worked out anew
 
 # Per pyramid level, full size first; the last entry serves all coarser ones.
-ITERATIONS = (8, 16, 20)
+ITERATIONS = (6, 16, 20)
 STOP_STEP = (0.01, 0.04, 0.3)  # px, how far a step still moves the rows, rms
 STOOD = 0.05  # px likewise, of the first step of a fit that is near: it needs no second one
 # Stiffness at the first and from the fourth iteration: an object at another depth must not bend

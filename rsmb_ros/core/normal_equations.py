@@ -25,7 +25,7 @@ from .workspace import Workspace
 CHUNKS = 8  # blocks of rows, summed in this order whatever the number of threads
 SHARES = 4  # of the chunks, that threads take: calling a kernel with so much takes its time
 ALONE = 4_000  # points times instants, below which a second thread takes longer to ask
-POINT_STEP = 1.0  # px of the level between instants of the exposure
+POINT_STEP = (1.0, 2.0)  # px of the level between instants, full size and smaller
 NO_RESIDUAL = 1e8  # residuals above this mark points without reference
 OUTLIER = 30.0  # grey levels; residuals beyond count as that when fits are compared
 BINS_PER_LEVEL = 16.0  # of the histogram that residuals' median is read from
@@ -159,7 +159,7 @@ class NormalEquations:
         `lens` says whether the defocus is an unknown.
         """
         path = fit.path
-        samples = path.samples_per_row(POINT_STEP * self._level.factor)
+        samples = path.samples_per_row(point_step(self._level.number))
         self._samples = samples[self._at_full_size.astype(np.int64)]
         self._alone = int(self._samples.sum()) * self.residuals.shape[1] < ALONE
         self._over_rows(linearise, fit, misplaced, tukey, lens)
@@ -244,6 +244,11 @@ def _on_chunks(
     kernel: Callable[..., None], data: tuple[object, ...], first: int, last: int
 ) -> None:
     kernel(first, last, *data)
+
+
+def point_step(level: int) -> float:
+    """Return how far the reference moves between instants of the exposure at a level [px]."""
+    return POINT_STEP[min(level, len(POINT_STEP) - 1)] * 2.0**level
 
 
 @cache

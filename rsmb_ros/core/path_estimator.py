@@ -8,8 +8,9 @@ the control points of the path, the light, the defocus, and the exposure when it
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -162,12 +163,12 @@ class PathEstimator:
         start = self._fit_levels(points, self._start(matches, middle), finest + 1, False)
         few = points[finest].every(max(1, len(points[finest].rows) // TRIAL_ROWS))
 
-        def trial(exposure: float) -> PathFit:
+        def trial(exposure: float, shared: bool) -> PathFit:
             fit = _with_exposure(start, exposure)
             # a lens is told apart last: it would take the blur for its own before the exposure has
             # grown to its length, and does not give it back
             lens = exposure <= SHARP_ROWS
-            return self._fit_level(finest, few, fit, True, TRIAL, shared=False, free_defocus=lens)
+            return self._fit_level(finest, few, fit, True, TRIAL, shared=shared, free_defocus=lens)
 
         def finished(fit: PathFit, shared: bool = False) -> PathFit:
             return self._fit_level(finest, points[finest], fit, True, shared=shared)
@@ -209,23 +210,27 @@ class PathEstimator:
 
 
 def tried(
-    executor: Workers, trial: Callable[[float], PathFit], exposures: Sequence[float]
+    executor: Workers, trial: Callable[[float, bool], PathFit], exposures: Sequence[float]
 ) -> list[PathFit]:
     """
     Try `exposures` from the middle ones to where the least cost has been tried on both sides.
 
-    The longest takes as long as all others, and the shortest, which alone is tried with a free
-    lens, takes small blur for that.
+    A longer one is only tried where the exposure has grown. `trial` is told whether threads may
+    share the work, as nothing else is tried meanwhile.
     """
     fits: dict[int, PathFit] = {}
-    wanted: Collection[int] = range(1, len(exposures) - 1) or range(len(exposures))
+    middle, last = len(exposures) // 2, len(exposures) - 1
+    wanted = {middle, min(middle + 1, last)}
     while wanted:
         longest_last = sorted(wanted)  # the last are begun first
-        found = each(executor, trial, [exposures[n] for n in longest_last])
+        run = partial(trial, shared=len(wanted) == 1)
+        found = each(executor, run, [exposures[n] for n in longest_last])
         fits.update(zip(longest_last, found, strict=True))
         best = min(sorted(fits), key=lambda n: fits[n].cost)
-        beside = {max(0, best - 1), min(best + 1, len(exposures) - 1)}
-        wanted = beside - fits.keys()
+        wanted = {max(0, best - 1)}
+        if fits[best].path.exposure_rows > exposures[best]:
+            wanted.add(min(best + 1, last))
+        wanted -= fits.keys()
     return list(fits.values())
 
 

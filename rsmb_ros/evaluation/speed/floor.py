@@ -14,7 +14,7 @@ import numpy as np
 
 from rsmb_ros.core.arrow import EXTRA
 from rsmb_ros.core.motion import CameraPath
-from rsmb_ros.core.normal_equations import POINT_STEP
+from rsmb_ros.core.normal_equations import point_step
 from rsmb_ros.core.path_estimator import level_count
 from rsmb_ros.core.points import select_points
 from rsmb_ros.core.render import STEP_PX
@@ -86,7 +86,7 @@ def frame_floor(path: CameraPath, dof: int) -> FrameFloor:
         factor = 2.0**n
         found = select_points(np.zeros([side // 2**n for side in path.grid.live_shape], 'f4'), n)
         at = np.minimum(((found.rows + 0.5) * factor).astype(int), len(path.row_times) - 1)
-        samples = path.samples_per_row(POINT_STEP * factor)[at]
+        samples = path.samples_per_row(point_step(n))[at]
         points += found.columns.size
         first_samples = first_samples or float(samples.mean())
         fine_bytes = _fine_bytes(path) / 4**n
