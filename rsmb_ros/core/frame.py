@@ -17,7 +17,7 @@ from .layers import NO_SHIFT, Front, Fronts, Layer, within
 from .lens import Seen
 from .motion import CameraPath, moved_px, shifted
 from .path_fit import PathFit, row_uncertainty
-from .reference import CLIPPED, Reference
+from .reference import CLIPPED, Box, Reference
 from .render import Shown, Window, blurred, rectified, shown
 from .tone_match import ToneMatch, tone_match
 from .workers import Workers, beside, each
@@ -151,21 +151,31 @@ class RegisteredFrame(ABC):
         channels = self.live.shape[2] if self.live.ndim == 3 else 1
         mark_bright(self.live.ravel(), channels, CLIPPED, self.residual.ravel(), unknown.ravel())
         if self._reference.fine_clipped is not None:
-            window, share = self._seen(self._reference.fine_clipped, self._reference.clipped_box)
-            unknown[window.box] |= (share > CLIPPED_SHARE) & (self.residual[window.box] > 0)
+            shares = self._seen(self._reference.fine_clipped, self._reference.clipped_boxes)
+            for window, share in shares:
+                unknown[window.box] |= (share > CLIPPED_SHARE) & (self.residual[window.box] > 0)
         return unknown
 
-    def _seen(self, fine: np.ndarray, box: tuple[int, int, int, int]) -> tuple[Window, np.ndarray]:
-        """Return the part of the frame that may show a box of the reference, and `fine` there."""
-        window = self._showing(box)
-        share, _ = blurred(fine, self.path, self._executor, window=window, step_px=CLIPPED_STEP)
-        return window, share
+    def _seen(self, fine: np.ndarray, boxes: list[Box]) -> list[tuple[Window, np.ndarray]]:
+        """Return the parts of the frame that may show boxes of the reference, and `fine` there."""
+        return [
+            (window, blurred(fine, self.path, self._executor, 1.0, window, CLIPPED_STEP)[0])
+            for window in self._showing(boxes)
+        ]
 
-    def _showing(self, box: tuple[int, int, int, int]) -> Window:
-        """Return the part of the live frame that may show a box (x, y, end) of the reference."""
-        rows, cols = self.grey.shape
+    def _showing(self, boxes: list[Box]) -> list[Window]:
+        """Return the parts of the live frame that may show boxes of the reference."""
         moved = np.abs(self.path.coordinates(self.path.row_times)).max(axis=0)
         reach = int(np.ceil(moved.sum() + np.abs(np.diff(moved[:2])).sum())) + 16
+        parts = [self._around(box, reach) for box in boxes]
+        left, top = np.min(boxes, axis=0)[:2]
+        right, bottom = np.max(boxes, axis=0)[2:]
+        one = self._around((left, top, right, bottom), reach)
+        return parts if sum(part.area for part in parts) < one.area else [one]
+
+    def _around(self, box: Box, reach: int) -> Window:
+        """Return the part of the live frame within `reach` of a box of the reference [px]."""
+        rows, cols = self.grey.shape
         extra = (np.array([rows, cols]) - self.path.grid.reference_shape) // 2
         left, top, right, bottom = box
         return Window(

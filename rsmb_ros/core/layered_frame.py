@@ -11,7 +11,8 @@ from .composite import Composition
 from .depth_map import EDGE_STEP
 from .frame import PathFrame
 from .path_stage import PathStage
-from .render import Shown, Window, at_places, shown_at
+from .reference import Box
+from .render import Shown, Window, at_places, shown_at, whole
 from .sampling import colour_of
 
 KNOWN = 0.98  # share of a pixel's exposure that the reference must know for it to be judged
@@ -51,8 +52,8 @@ class LayeredFrame(PathFrame):
         image[at_places(seen, places, cv2.INTER_LINEAR) > depth.surface + EDGE_STEP] = 0
         return image
 
-    def _seen(self, fine: np.ndarray, box: tuple[int, int, int, int]) -> tuple[Window, np.ndarray]:
-        return Window(0, self.grey.shape[0], 0, self.grey.shape[1]), self._scene.render(fine).image
+    def _seen(self, fine: np.ndarray, boxes: list[Box]) -> list[tuple[Window, np.ndarray]]:
+        return [(whole(self.path), self._scene.render(fine).image)]
 
     def registered(self) -> np.ndarray:
         """Return the reference as the live camera would have seen it, uint8."""

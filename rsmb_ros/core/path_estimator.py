@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 
 import cv2
 import numpy as np
@@ -223,8 +222,8 @@ def tried(
     wanted = {middle, min(middle + 1, last)}
     while wanted:
         longest_last = sorted(wanted)  # the last are begun first
-        run = partial(trial, shared=len(wanted) == 1)
-        found = each(executor, run, [exposures[n] for n in longest_last])
+        asked = [(exposures[n], len(wanted) == 1) for n in longest_last]
+        found = each(executor, lambda one: trial(*one), asked)
         fits.update(zip(longest_last, found, strict=True))
         best = min(sorted(fits), key=lambda n: fits[n].cost)
         wanted = {max(0, best - 1)}

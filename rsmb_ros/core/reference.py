@@ -14,6 +14,9 @@ from .photometric import luma, to_linear
 from .sampling import HALF_PIXELS, half_pixel, side_by_side, softened
 
 CLIPPED = 250  # display value from which on a colour may be anything brighter
+NEAR = 16  # px; clipped pixels twice as far from all others are a group of their own
+
+Box = tuple[int, int, int, int]  # columns and rows: left, top, right, bottom (exclusive)
 
 
 def at_limit(image: np.ndarray) -> np.ndarray:
@@ -91,10 +94,12 @@ class Reference:
         return half_pixel(cv2.dilate(clipped, np.ones((3, 3), np.uint8)).astype(np.float32))
 
     @cached_property
-    def clipped_box(self) -> tuple[int, int, int, int]:
-        """Columns and rows that hold all clipped pixels: left, top, right, bottom (exclusive)."""
-        rows, cols = np.nonzero(at_limit(self.image))
-        return int(cols.min()), int(rows.min()), int(cols.max()) + 1, int(rows.max()) + 1
+    def clipped_boxes(self) -> list[Box]:
+        """Boxes that hold all clipped pixels, one for each group of them."""
+        clipped = at_limit(self.image).astype(np.uint8)
+        near = cv2.dilate(clipped, np.ones((2 * NEAR + 1,) * 2, np.uint8))
+        groups = cv2.connectedComponentsWithStats(near)[2][1:]
+        return [(x, y, x + width, y + height) for x, y, width, height, _ in groups.tolist()]
 
     @cached_property
     def fine_grey(self) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -30,6 +31,11 @@ class Window:
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
         return self.bottom - self.top, self.right - self.left
+
+    @property
+    def area(self) -> int:
+        """Pixels of it."""
+        return math.prod(self.shape)
 
     @property
     def box(self) -> tuple[slice, slice]:

@@ -29,20 +29,45 @@ def fit_of(exposure, cost, found=None):
         ((9, 5, 4, 5, 9), {12, 36, 90}),  # the best has been tried on both sides
         ((9, 3, 4, 5, 9), {3, 12, 36, 90}),
         ((2, 3, 4, 5, 9), {3, 12, 36, 90}),
-        ((9, 6, 5, 4, 9), {12, 36, 90, 200}),
-        ((9, 6, 5, 4, 3), {12, 36, 90, 200}),
+        ((9, 6, 5, 4, 9), {36, 90, 200}),
+        ((9, 6, 5, 4, 3), {36, 90, 200}),
     ],
 )
-def test_the_shortest_and_the_longest_are_tried_only_beside_the_best(executor, costs, asked):
+def test_an_exposure_is_tried_only_beside_the_best(executor, costs, asked):
     cost_of = dict(zip(COLD_EXPOSURES, costs, strict=True))
-    fits = tried(executor, lambda exposure: fit_of(exposure, cost_of[exposure]), COLD_EXPOSURES)
-    assert {fit.path.exposure_rows for fit in fits} == asked
+
+    def trial(exposure, shared):
+        return fit_of(exposure, cost_of[exposure], found=1.1 * exposure)
+
+    fits = tried(executor, trial, COLD_EXPOSURES)
+    assert {round(fit.path.exposure_rows / 1.1) for fit in fits} == asked
     assert len(fits) == len(asked)
+
+
+def test_a_longer_exposure_is_tried_only_where_the_best_has_grown(executor):
+    cost_of = dict(zip(COLD_EXPOSURES, (9, 6, 5, 4, 3), strict=True))
+
+    def trial(exposure, shared):
+        return fit_of(exposure, cost_of[exposure], found=0.9 * exposure)
+
+    fits = tried(executor, trial, COLD_EXPOSURES)
+    assert {round(fit.path.exposure_rows / 0.9) for fit in fits} == {36, 90}
+
+
+def test_threads_share_a_trial_that_is_alone(executor):
+    shared_by = {}
+
+    def trial(exposure, shared):
+        shared_by[exposure] = shared
+        return fit_of(exposure, abs(exposure - 12))
+
+    tried(executor, trial, COLD_EXPOSURES)
+    assert shared_by == {36: False, 90: False, 12: True, 3: True}
 
 
 @pytest.mark.parametrize('exposures', [(3.0,), (3.0, 12.0)])
 def test_of_few_all_are_tried(executor, exposures):
-    fits = tried(executor, lambda exposure: fit_of(exposure, 1.0), exposures)
+    fits = tried(executor, lambda exposure, shared: fit_of(exposure, 1.0), exposures)
     assert {fit.path.exposure_rows for fit in fits} == set(exposures)
 
 
@@ -62,7 +87,7 @@ def finished(texture_of, monkeypatch):
             if most is not None and not near:
                 cost, exposure = costs.get(fit.path.exposure_rows, (9.0, fit.path.exposure_rows))
                 return replace(found, cost=cost, path=fit_of(0, 0, exposure).path)
-            if self._level.number == 1 and free_exposure and not near:
+            if self._level.number == 1 and free_exposure and near:
                 fitted.append(fit.path.exposure_rows)
             return found
 
