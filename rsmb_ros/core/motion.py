@@ -23,7 +23,6 @@ from ._kernels import geometry
 
 COORDINATES = 6
 CENTROID_SAMPLES = 16  # instants per exposure in a row's centroid
-RUN_STEP = 4.0  # rows between instants at which the length of a path is taken
 
 
 @dataclass(frozen=True)
@@ -102,7 +101,9 @@ class CameraPath:
         """Centroid pose tau_c of each row (M, 6), see `types.MOTION_COLUMNS`."""
         return poses_from_coordinates(self.row_centroids(), self.grid)
 
-    def samples_per_row(self, step_px: float, stretch: float = 1.0, most: int = 96) -> np.ndarray:
+    def samples_per_row(
+        self, step_px: float, stretch: float = 1.0, most: int = geometry.MOST_INSTANTS
+    ) -> np.ndarray:
         """Instants needed per row so that no point moves more than `step_px` in between (M,)."""
         run = self._runs * stretch
         return np.clip(np.ceil(run / step_px) + 1, 2, most).astype(np.int64)
@@ -111,11 +112,11 @@ class CameraPath:
     def _runs(self) -> np.ndarray:
         """How far a corner of the frame moves during each row's exposure (M,) [px]."""
         rows = self.grid.live_shape[0]
-        steps = math.ceil((rows + self.exposure_rows) / RUN_STEP) + 1
+        steps = math.ceil((rows + self.exposure_rows) / geometry.RUN_STEP) + 1
         runs = np.empty(rows)
         geometry.corner_runs(
             self.row_times, self.exposure_rows, self.control, self.first_time, self.knot_rows,
-            RUN_STEP, np.empty(steps), runs,
+            geometry.RUN_STEP, np.empty(steps), runs,
         )  # fmt: skip
         return runs
 

@@ -2,38 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from functools import cache, partial
 
 import numpy as np
 
-from ._kernels.fit import correct, linearise
-from ._kernels.fit_row import AHEAD, BRIGHTEST, SPARE, TONES
-from ._kernels.normal import assemble, assemble_gradient, next_step
-from ._kernels.residuals import spread
+from ._kernels.fit_row import AHEAD, BLURRED, BRIGHTEST, EXPOSED, SPARE, TONES
+from ._kernels.geometry import RUN_STEP
+from ._kernels.iterate import MOST_CHANGE, ORDER, Plan, Room, Scene, iterate, relaxed
+from ._kernels.team import new_desk
 from .arrow import Arrow
 from .config import Config
 from .motion import Grid
 from .path_fit import PathFit
+from .photometric import Light
 from .points import Points
 from .priors import Priors
 from .sampling import defocused
-from .workers import SMALL, Workers, shared
+from .workers import Workers
 from .workspace import Workspace
 
 CHUNKS = 8  # blocks of rows, summed in this order whatever the number of threads
-SHARES = 4  # of the chunks, that threads take: calling a kernel with so much takes its time
-ALONE = 4_000  # points times instants, below which a second thread takes longer to ask
 POINT_STEP = (1.0, 2.0)  # px of the level between instants, full size and smaller
-NO_RESIDUAL = 1e8  # residuals above this mark points without reference
-OUTLIER = 30.0  # grey levels; residuals beyond count as that when fits are compared
-BINS_PER_LEVEL = 16.0  # of the histogram that residuals' median is read from
-BINS = 4096
-ROW_SEEN = 0.2  # share of a row's points that must lie in the reference for it to be waited for
-MOST_CHANGE = 1.6  # of the exposure while one image size is fitted
-# Mean square of what 1 px of each path coordinate moves the pixels of a 4:3 frame [px^2].
-REACH = np.array([1.0, 1.0, 0.5, 0.5, 0.3, 0.2])
+BINS = 4096  # of the histogram that residuals' median is read from
 DEFOCUS_STEP = 0.1  # px^2 between the defocused references that are worked out
 
 
@@ -74,30 +66,20 @@ class Level:
 
 
 @dataclass(frozen=True)
-class Residuals:
-    """How well a fit explains the points."""
+class Iterated:
+    """Outcome of the iterations."""
 
-    sigma: float  # robust standard deviation [grey levels], 0 without any
-    cost: float  # mean, each at most `OUTLIER` [grey levels], infinite without any
-    used: float  # share of the points that lie in the reference, 0..1
+    fit: PathFit
+    steps: int  # iterations it took
+    stiffness: float  # of the last one
+    arrow: Arrow  # normal equations where the last step was taken
+    believed: Arrow  # ... together with what was believed of it
+    gradient: np.ndarray  # (D + AHEAD,) path first, then the extras
+    residuals: np.ndarray  # (R, P) float32 of the last look, above `NO_RESIDUAL` where is none
 
 
 class NormalEquations:
-    """
-    Normal equations of one live frame at one size, linearised near a fit.
-
-    Attributes
-    ----------
-    arrow : Arrow
-        The matrix.
-    believed : Arrow
-        The matrix with the priors of the last `step`.
-    gradient : ndarray of shape (D + AHEAD,)
-        Path first, then the extras.
-    residuals : ndarray of shape (R, P), float32
-        live - predicted at each point [grey levels], above `NO_RESIDUAL` where there is none.
-
-    """
+    """Normal equations of one live frame at one size, and their room."""
 
     def __init__(
         self,
@@ -109,141 +91,98 @@ class NormalEquations:
         fit: PathFit,
         room: Workspace,
     ) -> None:
+        """Prepare those of fits on the knots of `fit`, whose exposure may change by so much."""
         path = fit.path
-        self._level = level
-        self._gamma = config.camera.gamma
-        self._tones = tone_table(self._gamma)
+        dof = config.registration.degrees_of_freedom
         self._executor = executor
-        self._dof = config.registration.degrees_of_freedom
-        self._knots = len(path.control)
-        self._start_defocus, fine = level.defocused(fit.defocus, executor)
+        self._dof = dof
+        self._step_px = point_step(level.number)
+        start_defocus, fine = level.defocused(fit.defocus, executor)
         last = grid.live_shape[0] - 1
-        self._at_full_size = np.clip((points.rows + 0.5) * level.factor - 0.5, 0, last)
-        self._times = last - self._at_full_size if path.bottom_up else self._at_full_size
+        at_full_size = np.clip((points.rows + 0.5) * level.factor - 0.5, 0, last)
+        times = last - at_full_size if path.bottom_up else at_full_size
         rows, count = points.columns.shape
-        # what the kernels take that stays, in their order
-        self._images = (
+        gamma = config.camera.gamma
+        self._scene = Scene(
             np.arange(CHUNKS + 1) * rows // CHUNKS, fine.ravel(), level.softer.ravel(),
-            *fine.shape, points.rows, self._times,
+            fine.shape[0], fine.shape[1], points.rows, times,
+            path.row_times[at_full_size.astype(np.int64)], last + 1,
+            points.from_center(level.factor, grid), points.values, points.inverse_depth,
+            path.first_time, path.knot_rows, start_defocus, grid.focal_px, grid.center,
+            level.factor, dof, tone_table(gamma), gamma,
         )  # fmt: skip
-        self._where = points.from_center(level.factor, grid), points.values, points.inverse_depth
-        self._camera = grid.focal_px, grid.center, level.factor, self._dof
         longest = MOST_CHANGE * path.exposure_rows
         most = int(longest / path.knot_rows) + 6
         spread_rows = rows // CHUNKS + 1
-        pitch = abs(self._times[-1] - self._times[0]) / max(1, rows - 1)
+        pitch = abs(times[-1] - times[0]) / max(1, rows - 1)
         size = int((longest + spread_rows * pitch) / path.knot_rows) + 7
-        self._begins = np.zeros(CHUNKS, np.int64)
-        side = size * self._dof + AHEAD + SPARE
-        self._normals = room.array('normals', (CHUNKS, side, side))
-        self._gradients = room.array('gradients', (CHUNKS, side))
-        self.residuals = room.array('residuals', (rows, count), np.float32)
-        self._knots_of = room.array('knots', (rows, 2), np.int64)
-        self._out = (
-            self._begins, self._normals, self._gradients, self.residuals,
-            room.array('jacobians', (rows, most * self._dof + AHEAD + SPARE, count), np.float32),
-            self._knots_of,
+        side = size * dof + AHEAD + SPARE
+        unknowns = len(path.control) * dof
+        self._room = Room(
+            np.zeros(CHUNKS, np.int64),
+            room.array('normals', (CHUNKS, side, side)),
+            room.array('gradients', (CHUNKS, side)),
+            room.array('residuals', (rows, count), np.float32),
+            room.array('jacobians', (rows, most * dof + AHEAD + SPARE, count), np.float32),
+            room.array('knots', (rows, 2), np.int64),
             room.array('edges', (rows, count), np.float32),
             room.array('soft', (rows, count), np.float32),
-        )  # fmt: skip
-        self._bins = room.array('bins', (BINS,), np.int64)
-        self._seen = np.zeros(rows, bool)
-        self.gradient = np.zeros(self._knots * self._dof + AHEAD)
-        self.believed = self._factor = Arrow.empty(0, 0)
-
-    def renew(self, fit: PathFit, misplaced: float, tukey: bool, lens: bool = True) -> None:
-        """
-        Sum the normal equations over all rows, in a fixed order.
-
-        `misplaced` [px] is how far an edge may be off, `tukey` chooses the loss (else Huber), and
-        `lens` says whether the defocus is an unknown.
-        """
-        path = fit.path
-        samples = path.samples_per_row(point_step(self._level.number))
-        self._samples = samples[self._at_full_size.astype(np.int64)]
-        self._alone = int(self._samples.sum()) * self.residuals.shape[1] < ALONE
-        self._over_rows(linearise, fit, misplaced, tukey, lens)
-        touched = int(self._knots_of[:, 1].max())
-        self.arrow = Arrow.empty(self._knots * self._dof, max(touched, 2 * self._dof + 1))
-        assemble(self._begins, self._dof, self._normals, *self.arrow.parts)
-        assemble_gradient(self._begins, self._dof, self._gradients, self.gradient)
-
-    def look(self, fit: PathFit, misplaced: float, tukey: bool) -> None:
-        """Work out residuals and gradient anew, on the Jacobians as they are."""
-        self._over_rows(correct, fit, misplaced, tukey, False)
-        assemble_gradient(self._begins, self._dof, self._gradients, self.gradient)
-
-    def spread(self) -> Residuals:
-        """Return how well the fit that was last looked at explains the points."""
-        median, cost, used = spread(
-            self.residuals, NO_RESIDUAL, OUTLIER, ROW_SEEN, self._bins, BINS_PER_LEVEL, self._seen
+            room.array('samples', (rows,), np.int64),
+            room.array('runs', (rows,)),
+            room.array('along', (math.ceil((last + 1 + longest) / RUN_STEP) + 2,)),
+            room.array('bins', (BINS,), np.int64),
+            np.zeros(rows, bool),
+            np.zeros(ORDER),
+            room.array('bands', (3, unknowns * most * dof)),
+            room.array('borders', (3, unknowns, AHEAD)),
+            room.array('corners', (3, AHEAD, AHEAD)),
+            room.array('steps', (3, unknowns + AHEAD)),
         )
-        return Residuals(1.4826 * median, cost if used else np.inf, used)
 
-    def step(
-        self, priors: Priors, fit: PathFit, sigma: float, before: np.ndarray, share: float
-    ) -> tuple[np.ndarray, float, float]:
-        """
-        Solve the equations together with `priors`; `believed` is then what was solved.
-
-        Parameters
-        ----------
-        priors : Priors
-        fit : PathFit
-            Where they were linearised.
-        sigma : float
-            Standard deviation of the residuals that the priors are weighed against [grey levels].
-        before : ndarray of shape (D + AHEAD,)
-            The last step, and ...
-        share : float
-            ... what share of it was taken, 0..1: of steps that turn back and forth it gets less.
-
-        Returns
-        -------
-        step : ndarray of shape (D + AHEAD,)
-        share : float
-        row_step : float
-            How far it moves the rows that `spread` has seen, root mean square [px].
-
-        """
-        path, step = fit.path, np.empty_like(self.gradient)
-        size = self.arrow.band.shape
-        if self.believed.band.shape != size:
-            self.believed, self._factor = Arrow.empty(*size), Arrow.empty(*size)
-        share, moved = next_step(
-            *priors.arguments(path.control, path.exposure_rows, sigma), *self.arrow.parts,
-            self.gradient, *self.believed.parts, *self._factor.parts, before, share, self._dof,
-            self._times, path.first_time, path.knot_rows, REACH, self._seen, step,
-        )  # fmt: skip
-        return step, share, moved**0.5
-
-    def _over_rows(
-        self,
-        kernel: Callable[..., None],
-        fit: PathFit,
-        misplaced: float,
-        tukey: bool,
-        lens: bool,
-    ) -> None:
-        """Run a kernel over all chunks of rows."""
-        path = fit.path
+    def iterated(self, fit: PathFit, plan: Plan, priors: Priors) -> Iterated:
+        """Iterate from `fit` as planned; what is returned lasts until the room is lent again."""
+        path, light, executor = fit.path, fit.light, self._executor
+        control = path.control.copy()
+        extras = np.zeros(AHEAD)
+        extras[:4], extras[4] = light.gain, light.bias
+        extras[EXPOSED], extras[BLURRED] = path.exposure_rows, fit.defocus
+        desk = new_desk()
         data = (
-            *self._images, self._samples, *self._where, path.control, path.first_time,
-            path.knot_rows, path.exposure_rows, fit.defocus - self._start_defocus, *self._camera,
-            np.append(fit.light.gain, fit.light.bias), self._tones, self._gamma, fit.sigma,
-            misplaced, tukey, lens, *self._out,
+            desk, self._scene, self._room, plan, priors.on(len(control)), self._step_px,
+            fit.sigma, control, extras, control.copy(), extras.copy(),
         )  # fmt: skip
-        if self._executor is None or self._alone:
-            kernel(0, CHUNKS, *data)
-        else:
-            run = partial(_on_chunks, kernel, data)
-            shared(self._executor, run, CHUNKS, SMALL, SHARES)
-
-
-def _on_chunks(
-    kernel: Callable[..., None], data: tuple[object, ...], first: int, last: int
-) -> None:
-    kernel(first, last, *data)
+        others = partial(iterate, False, *data)
+        asked = [executor.ask(others) for _ in range(executor.helpers)] if executor else []
+        sigma, cost, used, iteration, width = iterate(True, *data)
+        for helper in asked:
+            helper.result()
+        found = replace(
+            fit,
+            path=replace(path, control=control, exposure_rows=float(extras[EXPOSED])),
+            light=Light(extras[:4].copy(), float(extras[4])),
+            defocus=float(extras[BLURRED]),
+            sigma=sigma,
+            cost=cost,
+            used=used,
+        )
+        unknowns = len(control) * self._dof
+        arrow, believed = (
+            Arrow(
+                self._room.bands[n, : unknowns * width].reshape(unknowns, width),
+                self._room.borders[n],
+                self._room.corners[n],
+            )
+            for n in (0, 1)
+        )
+        return Iterated(
+            fit=found,
+            steps=iteration + 1 - plan.begin,
+            stiffness=relaxed(plan.stiffness, iteration),
+            arrow=arrow,
+            believed=believed,
+            gradient=self._room.steps[0],
+            residuals=self._room.residuals,
+        )
 
 
 def point_step(level: int) -> float:

@@ -14,10 +14,11 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from ._kernels.iterate import MOST_CHANGE
 from .config import Config
 from .level_fit import SHARP_ROWS, LevelFit
 from .motion import CameraPath, Grid, still_path
-from .normal_equations import MOST_CHANGE, Level
+from .normal_equations import Level
 from .path_fit import PathFit
 from .photometric import Light
 from .points import LiveImage, Points

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from ._kernels.fit_row import AHEAD
-from ._kernels.normal import believe
+from ._kernels.normal import Beliefs, believe
 from .arrow import Arrow
 
 # How reluctantly each path coordinate bends and changes; a row alone hardly sees the tilt.
@@ -22,7 +22,6 @@ EXPOSURE_SIGMA = 0.3  # relative prior on the exposure while it is estimated
 class Priors:
     """What is believed before the data are seen."""
 
-    stiffness: float
     fixed: tuple[int, ...]  # extra unknowns that keep their value
     exposure: float  # centre of the exposure's prior [rows]
     dof: int
@@ -31,6 +30,7 @@ class Priors:
         self,
         normal: Arrow,
         gradient: np.ndarray,
+        stiffness: float,
         control: np.ndarray,
         exposure_rows: float,
         sigma: float,
@@ -43,6 +43,7 @@ class Priors:
         normal : Arrow
             Of D = knots * dof unknowns.
         gradient : ndarray of shape (D + AHEAD,)
+        stiffness : float
         control : ndarray of shape (knots, 6)
             Path coordinates they were linearised at [px].
         exposure_rows : float
@@ -52,21 +53,18 @@ class Priors:
 
         """
         normal, gradient = normal.copy(), gradient.copy()
-        believe(*self.arguments(control, exposure_rows, sigma), *normal.parts, gradient)
+        beliefs = self.on(len(control))
+        believe(beliefs, stiffness, control, exposure_rows, sigma, *normal.parts, gradient)
         return normal, gradient
 
-    def arguments(
-        self, control: np.ndarray, exposure_rows: float, sigma: float
-    ) -> tuple[np.ndarray | float, ...]:
-        """Return what the kernel `believe` takes before the equations, see `applied`."""
+    def on(self, knots: int) -> Beliefs:
+        """Return what the kernels take of it, for a path of so many control points."""
         ridge = np.zeros(self.dof)
-        ridge[4:] = (sigma / TILT_SIGMA) ** 2
-        trust = (sigma / (EXPOSURE_SIGMA * self.exposure)) ** 2
-        return (
-            smoothness(len(control), self.dof), ridge, self.stiffness,
-            1e-4 * min(1.0, 10 * self.stiffness), control, _marked(self.fixed), trust,
-            -trust * (exposure_rows - self.exposure),
-        )  # fmt: skip
+        ridge[4:] = TILT_SIGMA**-2
+        trust = (EXPOSURE_SIGMA * self.exposure) ** -2
+        return Beliefs(
+            smoothness(knots, self.dof), ridge, trust, self.exposure, _marked(self.fixed)
+        )
 
 
 @cache

@@ -14,10 +14,10 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
+from ._kernels.iterate import MOST_CHANGE
 from .config import Config
 from .level_fit import SHARP_ROWS
 from .motion import Grid, still_path
-from .normal_equations import MOST_CHANGE
 from .path_estimator import PathEstimator, level_count
 from .path_fit import PathFit
 from .points import LiveImage, Points

@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import solveh_banded
 
+from ._kernels.iterate import MIN_SIGMA
 from ._kernels.row_shift import TERMS, row_sums
-from .level_fit import MIN_SIGMA
 from .workers import Workers, shared
 
 STRIPES = 20  # over the width; every other one belongs to the second half

@@ -65,7 +65,7 @@ def test_beliefs_are_those_written_out_densely():
     for dof in (3, 6):
         knots = UNKNOWNS // dof
         control = rng.normal(size=(knots, 6))
-        prior = Priors(0.3, (1, 5), 20.0, dof)
+        prior = Priors((1, 5), 20.0, dof)
         band = np.tril(normal)
         band[np.abs(np.subtract.outer(*2 * (np.arange(len(band)),))) >= 3 * dof + 1] = 0.0
         band[UNKNOWNS:] = np.tril(normal)[UNKNOWNS:]
@@ -74,7 +74,7 @@ def test_beliefs_are_those_written_out_densely():
         for j, d in np.ndindex(arrow.band.shape):
             arrow.band[j, d] = whole[j + d, j] if j + d < UNKNOWNS else 0.0
         arrow.border[:], arrow.corner[:] = whole[UNKNOWNS:, :UNKNOWNS].T, band[UNKNOWNS:, UNKNOWNS:]
-        found, found_gradient = prior.applied(arrow, gradient, control, 26.0, 2.0)
+        found, found_gradient = prior.applied(arrow, gradient, 0.3, control, 26.0, 2.0)
         expected, expected_gradient = _dense_beliefs(whole, gradient, control, dof)
         np.testing.assert_allclose(found.dense(), np.tril(expected)[:-1, :-1], rtol=1e-9, atol=1e-9)
         np.testing.assert_allclose(found_gradient[:-1], expected_gradient[:-1], atol=1e-9)

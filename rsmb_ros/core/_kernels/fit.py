@@ -24,7 +24,7 @@ from .fit_row import (
     turned_places,
     weigh_row,
 )
-from .geometry import OPTIONS, basis_slope, homography, instant, instant_offset, span
+from .geometry import INLINED, OPTIONS, basis_slope, homography, instant, instant_offset, span
 
 MUCH_SOFTER = 0.1  # px^2 of defocus, beyond which it is looked up at each instant, each time
 FEW = 3  # instants; of more than that, every other one tells what little defocus does
@@ -47,7 +47,7 @@ def defocus_share(count, row):
     return np.float32(1.0 / (seconds if row % 2 == 1 else count - seconds))
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def linearise(
     first, last, bounds, fine, softer, half_rows, half_columns, rows, times, samples, places,
     values, inverse_depth, control, first_time, knot_rows, exposure, softened, focal, center, level,
@@ -227,7 +227,7 @@ def linearise(
             mark_outside(inside, residuals[r])
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def correct(
     first, last, bounds, fine, softer, half_rows, half_columns, rows, times, samples, places,
     values, inverse_depth, control, first_time, knot_rows, exposure, softened, focal, center, level,

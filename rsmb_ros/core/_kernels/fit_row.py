@@ -13,6 +13,7 @@ EXTRA = 7  # unknowns after the control points: four gain coefficients, bias, ex
 # Rows of a Jacobian before those of the control points: the extras and one of zeros, since sums are
 # made four by four.
 AHEAD = 8
+EXPOSED, BLURRED = 5, 6  # which of the extras are exposure and defocus
 SPARE = 4  # rows of zeros after those of the control points
 BIAS_SCALE = np.float32(10.0)  # grey levels per unit of the bias unknown
 TONES = np.float32(32.0)  # entries of a tone table per unit of the root of linear light

@@ -12,6 +12,8 @@ OPTIONS = {'cache': True, 'nogil': True, 'fastmath': True, 'error_model': 'numpy
 # which one runs depends on whether the caller was compiled or came from the cache; fastmath sums
 # then differ in their last bits.
 INLINED = {**OPTIONS, 'forceinline': True}
+RUN_STEP = 4.0  # rows between instants at which the length of a path is taken
+MOST_INSTANTS = 96  # of a row's exposure
 
 
 @njit(inline='always', **OPTIONS)
@@ -58,7 +60,7 @@ def instant(time, control, first_time, knot_rows, b, q):
     return j, fraction
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def corner_runs(row_times, exposure, control, first_time, knot_rows, step, places, runs):
     """
     Write how far a corner of the frame moves during each row's exposure (M,) [px].

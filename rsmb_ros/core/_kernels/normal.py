@@ -10,12 +10,32 @@ Vectors (D + AHEAD,) hold the path first.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from .fit_row import AHEAD, EXTRA
+from .fit_row import AHEAD, EXPOSED, EXTRA
 from .geometry import INLINED, OPTIONS
+
+DAMPING = 1e-4  # of the mean curvature, on all that is not held stiff
+
+
+class Beliefs(NamedTuple):
+    """
+    What is believed of a path before the data are seen.
+
+    `bands` (knots, 3, dof) is a penalty between a control point and itself, the next, and the one
+    after it, in units of the mean curvature times the stiffness; `ridge` (dof,) one on each of
+    them, `trust` one on an exposure other than `exposure` [rows], both in units of the residuals'
+    variance. Extras that are `fixed` (AHEAD,) bool drop out.
+    """
+
+    bands: np.ndarray
+    ridge: np.ndarray
+    trust: float
+    exposure: float
+    fixed: np.ndarray
 
 
 @njit(**INLINED)
@@ -26,7 +46,7 @@ def add_to(row, begin, out, count):
         out[k] += row[begin + k]
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def assemble(begins, dof, normals, band, border, corner):
     """Write the sum of chunks' upper triangles (C, S, S) into an arrow, chunk after chunk."""
     unknowns, width = band.shape
@@ -46,7 +66,7 @@ def assemble(begins, dof, normals, band, border, corner):
             add_to(normal[AHEAD + i], AHEAD + i, band[base + i], min(width, size - i))
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def assemble_gradient(begins, dof, gradients, out):
     """Write the sum of chunks' gradients (C, S) into a vector (D + AHEAD,)."""
     unknowns = out.size - AHEAD
@@ -61,16 +81,17 @@ def assemble_gradient(begins, dof, gradients, out):
 
 @njit(**INLINED)
 def believe(
-    bands, ridge, stiffness, damping, control, fixed, trust, pull, band, border, corner, gradient
+    beliefs, stiffness, control, exposure, sigma, band, border, corner, gradient
 ):
     """
-    Add what is believed to an arrow and its gradient.
+    Add `Beliefs` to an arrow and its gradient, linearised at a path's `control` and `exposure`.
 
-    `bands` (knots, 3, dof) is a penalty between a knot and itself, the next, and the one after it,
-    in units of the mean curvature times `stiffness`; `ridge` (dof,) one on each control point. The
-    exposure is held by `trust`, and pulled by `pull`. Extras that are `fixed` (AHEAD,) drop out.
+    `sigma` is the standard deviation of the residuals [grey levels].
     """
+    bands = beliefs.bands
     knots, _, dof = bands.shape
+    variance = sigma * sigma
+    damping = DAMPING * min(1.0, 10.0 * stiffness)
     unknowns = band.shape[0]
     curvature = 0.0
     for j in range(unknowns):
@@ -80,8 +101,9 @@ def believe(
     for k in range(knots):
         for e in range(dof):
             j = k * dof + e
-            band[j, 0] += scale * bands[k, 0, e] + ridge[e]
-            gradient[j] -= (scale * bands[k, 0, e] + ridge[e]) * control[k, e]
+            own = scale * bands[k, 0, e] + variance * beliefs.ridge[e]
+            band[j, 0] += own
+            gradient[j] -= own * control[k, e]
             for ahead in range(1, min(3, knots - k)):
                 weight = scale * bands[k, ahead, e]
                 band[j, ahead * dof] += weight
@@ -91,10 +113,11 @@ def believe(
             band[j, 0] += damping * curvature + 1e-9
     for x in range(AHEAD):
         corner[x, x] += 1e-6 * corner[x, x] + 1e-6
-    corner[5, 5] += trust
-    gradient[unknowns + 5] += pull
+    trust = variance * beliefs.trust
+    corner[EXPOSED, EXPOSED] += trust
+    gradient[unknowns + EXPOSED] += trust * (beliefs.exposure - exposure)
     for x in range(AHEAD):
-        if fixed[x]:
+        if beliefs.fixed[x]:
             for j in range(unknowns):
                 border[j, x] = 0.0
             for y in range(AHEAD):
@@ -247,11 +270,11 @@ def row_steps(step, dof, times, first_time, knot_rows, knots, reach, seen):
     return total / max(count, 1)
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def next_step(
-    bands, ridge, stiffness, damping, control, fixed, trust, pull, band, border, corner, gradient,
-    believed_band, believed_border, believed_corner, factor_band, factor_border, factor_corner,
-    before, share, dof, times, first_time, knot_rows, reach, seen, step,
+    beliefs, stiffness, control, exposure, sigma, band, border, corner, gradient, believed_band,
+    believed_border, believed_corner, factor_band, factor_border, factor_corner, before, share,
+    times, first_time, knot_rows, reach, seen, step,
 ):
     """
     Write the `step` that solves normal equations once it is `believe`d what is believed.
@@ -266,8 +289,8 @@ def next_step(
     believed_corner[:] = corner
     step[:] = gradient
     believe(
-        bands, ridge, stiffness, damping, control, fixed, trust, pull, believed_band,
-        believed_border, believed_corner, step,
+        beliefs, stiffness, control, exposure, sigma, believed_band, believed_border,
+        believed_corner, step,
     )
     factor_band[:] = believed_band
     factor_border[:] = believed_border
@@ -282,4 +305,5 @@ def next_step(
     share = max(0.25, 0.5 * share) if turned < 0.0 else min(1.0, 1.5 * share)
     for j in range(step.size):
         step[j] *= share
-    return share, row_steps(step, dof, times, first_time, knot_rows, control.shape[0], reach, seen)
+    knots, _, dof = beliefs.bands.shape
+    return share, row_steps(step, dof, times, first_time, knot_rows, knots, reach, seen)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from numba import njit
 
-from .geometry import OPTIONS
+from .geometry import INLINED
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def spread(residuals, none, limit, least_seen, bins, per_level, seen):
     """
     Return the median of |residuals| (R, P), their mean cut off at `limit`, and the share that is.

@@ -11,11 +11,11 @@ from .geometry import OPTIONS
 
 if config.DISABLE_JIT:
 
-    def _give_way():
+    def give_way():
         time.sleep(0.0)
 else:
     # of the C library: lets another thread run that waits for this core
-    _give_way = types.ExternalFunction('sched_yield', types.int32())
+    give_way = types.ExternalFunction('sched_yield', types.int32())
 
 
 @njit(**OPTIONS)
@@ -24,5 +24,5 @@ def changed(bell, heard, turns):
     for _ in range(turns):
         if bell[0] != heard:
             return True
-        _give_way()
+        give_way()
     return bell[0] != heard
