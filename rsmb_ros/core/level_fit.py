@@ -25,8 +25,10 @@ from .workspace import Workspace, Workspaces
 RELINEARISE = 0.25  # px of the level the rows may move, rms, before Jacobians are worked out anew
 
 # Per pyramid level, full size first; the last entry serves all coarser ones.
-ITERATIONS = (6, 16, 20)
+ITERATIONS = (8, 16, 20)
 STOP_STEP = (0.01, 0.04, 0.3)  # px, how far a step still moves the rows, rms
+LATE_STOP = 0.05
+ENOUGH = 6
 STOOD = 0.05  # px likewise, of the first step of a fit that is near: it needs no second one
 # Stiffness at the first and from the fourth iteration: an object at another depth must not bend
 # the path while it is far off; a shaken camera must bend it in the end.
@@ -112,6 +114,8 @@ class LevelFit:
             relinearise=RELINEARISE * self._level.factor,
             stop=stop,
             first_stop=STOOD if near else stop,
+            late_stop=LATE_STOP,
+            enough=begin + (ENOUGH if self._stage == 0 else most),
         )
 
     def _priors(self, fit: PathFit, held: Sequence[int]) -> Priors:

@@ -24,7 +24,7 @@ from .workers import Workers
 from .workspace import Workspace
 
 CHUNKS = 8  # blocks of rows, summed in this order whatever the number of threads
-POINT_STEP = (1.0, 2.0)  # px of the level between instants, full size and smaller
+POINT_STEP = (1.0, 2.0)
 BINS = 4096  # of the histogram that residuals' median is read from
 DEFOCUS_STEP = 0.1  # px^2 between the defocused references that are worked out
 

@@ -171,7 +171,7 @@ class PathEstimator:
             return self._fit_level(finest, few, fit, True, TRIAL, shared=shared, free_defocus=lens)
 
         def finished(fit: PathFit, shared: bool = False) -> PathFit:
-            return self._fit_level(finest, points[finest], fit, True, near=True, shared=shared)
+            return self._fit_level(finest, points[finest], fit, True, shared=shared)
 
         best, *others = sorted(tried(self._executor, trial, exposures), key=lambda fit: fit.cost)
         rival = others[0] if others else best

@@ -95,6 +95,8 @@ class Plan(NamedTuple):
     relinearise: float  # px
     stop: float  # px
     first_stop: float  # px, likewise of the first step
+    late_stop: float  # px, likewise of the last ...
+    enough: int  # ... from this iteration on
 
 
 @njit(**INLINED)
@@ -263,6 +265,8 @@ def iterate(
             row_step = math.sqrt(squared)
             moved += row_step
             stop = plan.first_stop if iteration == plan.begin else plan.stop
+            if iteration + 1 >= plan.enough:
+                stop = plan.late_stop
             done = done or (iteration >= RELAXED_AFTER and row_step < stop)
         move(at_control, at_extras, step, start_exposure, control, extras)
         if done:
