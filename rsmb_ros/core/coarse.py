@@ -14,7 +14,7 @@ from functools import partial
 import cv2
 import numpy as np
 
-from ._kernels.match import ROOM, highest, match_bands
+from ._kernels.match import ROOM, best_band, follow_bands, highest, listed, match_bands
 from .motion import Grid
 from .start import StripMatches
 from .workers import Workers, beside, each, shared
@@ -71,28 +71,32 @@ class CoarseSearch:
         Starts at the band that matches best at the voted place and goes both ways. Returns X, Y,
         shift x, y and trust x, y of the n pieces that match, (n, 6) [reduced px].
         """
-        height = max(8, small.shape[0] // STRIPS)
+        height, width = max(8, small.shape[0] // STRIPS), small.shape[1] // PARTS
         tops = np.arange(0, small.shape[0] - height + 1, height)
-        bands = self._bands(small, tops, height, corner)
-        anchor = int(np.argmax([band[:, 4:].min(axis=1).sum() for band in bands]))
+        x, y = np.round(corner).astype(int)
+        found = np.empty((len(tops), small.shape[1] // width, 7))
+        counts = np.empty(len(tops), np.int64)
+        reach = max(6, round(0.06 * small.shape[1]))
+        data = (
+            self._flat, *self._sums, self._textured, width, reach, EDGE, MIN_CONTRAST, MIN_PEAK,
+            found, counts,
+        )  # fmt: skip
 
-        def followed(order: range) -> None:
-            place = self._moved(small.shape, bands[anchor], corner)
-            for n in order:
-                if max(abs(place[0] - corner[0]), abs(place[1] - corner[1])) > SAME_PLACE:
-                    (bands[n],) = self._bands(small, tops[n : n + 1], height, place)
-                place = self._moved(small.shape, bands[n], place)
+        def run(first: int, last: int) -> None:
+            match_bands(first, last, small, tops, height, x, y, *data)
 
-        down = beside(self._executor, partial(followed, range(anchor + 1, len(tops))))
-        followed(range(anchor - 1, -1, -1))
+        def follow(step: int) -> None:
+            follow_bands(anchor, step, corner, SAME_PLACE, small, tops, height, *data)
+
+        shared(self._executor, run, len(tops), small.size, parts=BLOCKS)
+        anchor = best_band(found, counts, MIN_PEAK)
+        down = beside(self._executor, partial(follow, 1))
+        follow(-1)
         down()
-        return np.concatenate(bands)
-
-    def _moved(self, shape: tuple[int, int], band: np.ndarray, corner: np.ndarray) -> np.ndarray:
-        """Return the live corner's place by the matches of one band, `corner` without any."""
-        if not len(band):
-            return corner
-        return band[band[:, 4:].min(axis=1).argmax(), 2:4] - self._shift_of(shape, np.zeros(2))
+        table = np.empty((counts.sum(), 6))
+        listed(found, counts, MIN_PEAK, table)
+        table[:, 2:4] += self._shift_of(small.shape, np.zeros(2))
+        return table
 
     def _shift_of(self, shape: tuple[int, int], corner: np.ndarray) -> np.ndarray:
         """Displacement of the centre when the live corner lies at `corner` x, y (reduced px)."""
@@ -158,28 +162,6 @@ class CoarseSearch:
         ]
         np.fmin(np.fmax(scores, 0.0, out=scores), 1.0, out=scores)  # 0 where OpenCV has no number
         return np.multiply(scores, textured, out=scores)
-
-    def _bands(
-        self, small: np.ndarray, tops: np.ndarray, height: int, corner: np.ndarray
-    ) -> list[np.ndarray]:
-        """Match pieces of the bands that begin at `tops` around a live corner, see `_tracked`."""
-        cols = small.shape[1]
-        reach = max(6, round(0.06 * cols))
-        x, y = np.round(corner).astype(int)
-        found = np.zeros((len(tops), cols // (cols // PARTS), 7))
-        counts = np.empty(len(tops), np.int64)
-
-        def run(first: int, last: int) -> None:
-            match_bands(
-                first, last, small, tops, height, x, y, self._flat, *self._sums, self._textured,
-                cols // PARTS, reach, EDGE, MIN_CONTRAST, MIN_PEAK, found, counts,
-            )  # fmt: skip
-
-        shared(self._executor, run, len(tops), len(tops) * height * cols, parts=BLOCKS)
-        found[:, :, 2:4] += self._shift_of(small.shape, np.zeros(2))
-        trust = found[:, :, 4:5] - MIN_PEAK + 0.05
-        found[:, :, 4:6] = np.minimum(1.0, 5 * found[:, :, 5:]) * trust
-        return [pieces[:count, :6] for pieces, count in zip(found, counts, strict=True)]
 
 
 def _reduced(image: np.ndarray, factor: int) -> np.ndarray:

@@ -208,3 +208,77 @@ def match_bands(
             small, tops[n], height, x, y, reference, total, squares, textured, width, reach, edge,
             contrast, least, out[n],
         )
+
+
+@njit(**INLINED)
+def trust_in(piece, least, axis):
+    """Return the trust in one component x, y of what `match_band` writes of a piece."""
+    return min(1.0, 5.0 * piece[5 + axis]) * (piece[4] - least + 0.05)
+
+
+@njit(**INLINED)
+def moved_corner(pieces, count, least, corner):
+    """Write where the piece of a band that is trusted most puts the live corner, if there is."""
+    best = 0.0
+    for k in range(count):
+        trust = min(trust_in(pieces[k], least, 0), trust_in(pieces[k], least, 1))
+        if k == 0 or trust > best:
+            best = trust
+            corner[0] = pieces[k, 2]
+            corner[1] = pieces[k, 3]
+
+
+@njit(**OPTIONS)
+def follow_bands(
+    anchor, step, corner, same_place, small, tops, height, reference, total, squares, textured,
+    width, reach, edge, contrast, least, out, counts,
+):
+    """
+    Match the bands on one side of the `anchor` again, each where the last one lies.
+
+    `step` is 1 or -1. All are matched around the live `corner` x, y (2,) already; bands that lie
+    no more than `same_place` px from there stay as they are, see `match_bands`.
+    """
+    place = corner.copy()
+    moved_corner(out[anchor], counts[anchor], least, place)
+    n = anchor + step
+    while 0 <= n < tops.size:
+        if max(abs(place[0] - corner[0]), abs(place[1] - corner[1])) > same_place:
+            counts[n] = match_band(
+                small, tops[n], height, round(place[0]), round(place[1]), reference, total, squares,
+                textured, width, reach, edge, contrast, least, out[n],
+            )
+        moved_corner(out[n], counts[n], least, place)
+        n += step
+
+
+@njit(**OPTIONS)
+def listed(out, counts, least, table):
+    """
+    Write the pieces of all bands below each other, with the trust in them; return how many.
+
+    Rows of `table` (n, 6): centre x, y, place of the corner x, y, trust x, y.
+    """
+    n = 0
+    for band in range(counts.size):
+        for k in range(counts[band]):
+            table[n, :4] = out[band, k, :4]
+            for axis in range(2):
+                table[n, 4 + axis] = trust_in(out[band, k], least, axis)
+            n += 1
+    return n
+
+
+@njit(**OPTIONS)
+def best_band(out, counts, least):
+    """Return which band has the most trusted pieces, the first of such."""
+    best = 0
+    most = -1.0
+    for band in range(counts.size):
+        total = 0.0
+        for k in range(counts[band]):
+            total += min(trust_in(out[band, k], least, 0), trust_in(out[band, k], least, 1))
+        if total > most:
+            most = total
+            best = band
+    return best
