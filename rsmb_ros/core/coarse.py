@@ -20,7 +20,7 @@ from .start import StripMatches
 from .workers import Workers, beside, each, shared
 
 SEARCH_WIDTH = 160  # px; both images are reduced to about this width of the live frame
-PATCHES = 4  # per direction, for the global vote
+PATCHES = 3  # per direction, for the global vote
 STRIPS = 14  # bands of rows
 PARTS = 3  # pieces of one band
 BLOCKS = 4  # of bands, that threads take

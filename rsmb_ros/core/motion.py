@@ -68,16 +68,7 @@ class CameraPath:
 
     def spline_basis(self, times: np.ndarray) -> np.ndarray:
         """Weights of the control points at `times` (n,), shape (n, knots)."""
-        knots = len(self.control)
-        s = np.clip((times - self.first_time) / self.knot_rows, 0.0, knots - 3.000001)
-        span = s.astype(np.int64)
-        u = s - span
-        v = 1.0 - u
-        parts = [v**3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3]
-        weights = np.zeros((len(times), knots))
-        for n, part in enumerate(parts):
-            weights[np.arange(len(times)), span + n] = part / 6.0
-        return weights
+        return spline_weights(times, self.first_time, self.knot_rows, len(self.control))
 
     def coordinates(self, times: np.ndarray) -> np.ndarray:
         """Path coordinates at `times`, shape ``times.shape + (6,)`` [px]."""
@@ -129,6 +120,21 @@ class CameraPath:
     def row_homographies(self, relative_depth: float = 1.0) -> np.ndarray:
         """Homography of each row's centroid pose between centred pixels (M, 3, 3)."""
         return homographies(self.row_centroids(), self.grid, relative_depth)
+
+
+def spline_weights(
+    times: np.ndarray, first_time: float, knot_rows: float, knots: int
+) -> np.ndarray:
+    """Weights of `knots` control points of a cubic B-spline at `times` (n,), shape (n, knots)."""
+    s = np.clip((times - first_time) / knot_rows, 0.0, knots - 3.000001)
+    span = s.astype(np.int64)
+    u = s - span
+    v = 1.0 - u
+    parts = [v**3, 3 * u**3 - 6 * u**2 + 4, -3 * u**3 + 3 * u**2 + 3 * u + 1, u**3]
+    weights = np.zeros((len(times), knots))
+    for n, part in enumerate(parts):
+        weights[np.arange(len(times)), span + n] = part / 6.0
+    return weights
 
 
 def shifted(path: CameraPath, relative_depth: float, shift: tuple[float, float]) -> CameraPath:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -17,7 +18,7 @@ import numpy as np
 from ._kernels.iterate import MOST_CHANGE
 from .config import Config
 from .level_fit import SHARP_ROWS, LevelFit
-from .motion import CameraPath, Grid, still_path
+from .motion import CameraPath, Grid, spline_weights, still_path
 from .normal_equations import Level
 from .path_fit import PathFit
 from .photometric import Light
@@ -260,8 +261,20 @@ def _longest(exposure: float) -> float:
 def _with_exposure(fit: PathFit, exposure: float) -> PathFit:
     """Return the fit with another exposure, its path on knots that cover that one."""
     old = fit.path
+    if exposure == old.exposure_rows:
+        return fit
     new = still_path(old.grid, old.knot_rows, exposure, _longest(exposure), old.bottom_up)
-    knots = new.first_time + new.knot_rows * np.arange(0.0, len(new.control) - 2.5, 0.5)
-    basis = new.spline_basis(knots)
-    control = np.linalg.solve(basis.T @ basis, basis.T @ old.coordinates(knots))
-    return replace(fit, path=replace(new, control=control))
+    span = old.first_time, len(old.control), new.first_time, len(new.control)
+    return replace(fit, path=replace(new, control=_onto(*span, old.knot_rows) @ old.control))
+
+
+@lru_cache(maxsize=64)
+def _onto(
+    first_time: float, knots: int, to_first_time: float, to_knots: int, knot_rows: float
+) -> np.ndarray:
+    """Return what makes control points (knots, 6) of a spline into those of one elsewhere."""
+    times = to_first_time + knot_rows * np.arange(0.0, to_knots - 2.5, 0.5)
+    basis = spline_weights(times, to_first_time, knot_rows, to_knots)
+    return np.linalg.solve(
+        basis.T @ basis, basis.T @ spline_weights(times, first_time, knot_rows, knots)
+    )

@@ -88,7 +88,7 @@ def finished(texture_of, monkeypatch):
             if most is not None and not near:
                 cost, exposure = costs.get(fit.path.exposure_rows, (9.0, fit.path.exposure_rows))
                 return replace(found, cost=cost, path=fit_of(0, 0, exposure).path)
-            if self._level.number == 1 and free_exposure and near:
+            if self._level.number == 1 and free_exposure and not near:
                 fitted.append(fit.path.exposure_rows)
             return found
 
