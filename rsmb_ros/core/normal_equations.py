@@ -26,6 +26,7 @@ from .workspace import Workspace
 CHUNKS = 8  # blocks of rows, summed in this order whatever the number of threads
 POINT_STEP = (1.0, 2.0)
 BINS = 4096  # of the histogram that residuals' median is read from
+KEPT = 2  # defocused references: a defocus between two steps is now one, now the other
 DEFOCUS_STEP = 0.1  # px^2 between the defocused references that are worked out
 
 
@@ -50,19 +51,21 @@ class Level:
         self.softer = softer
         self.number = number
         self.factor = 2.0**number
-        self._defocused: tuple[float, np.ndarray] = (0.0, fine)
+        self._defocused: list[tuple[float, np.ndarray]] = []  # of the last fits
 
     def defocused(
         self, variance: float, executor: Workers | None = None
     ) -> tuple[float, np.ndarray]:
         """Return the reference (2M, 2N) with about that defocus, and how much it is [px^2]."""
         near = DEFOCUS_STEP * round(variance / DEFOCUS_STEP)
-        kept = self._defocused  # of the last fit: frames of one camera are alike
         if near == 0.0:
             return near, self._fine
-        if kept[0] != near:
-            kept = self._defocused = (near, defocused(self._fine, self.softer, near, executor))
-        return kept
+        for kept in self._defocused:  # frames of one camera are alike
+            if kept[0] == near:
+                return kept
+        made = near, defocused(self._fine, self.softer, near, executor)
+        self._defocused = [made, *self._defocused[: KEPT - 1]]
+        return made
 
 
 @dataclass(frozen=True)
