@@ -11,17 +11,16 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solveh_banded
 
 from ._kernels.iterate import MIN_SIGMA
-from ._kernels.row_shift import TERMS, row_sums
+from ._kernels.row_shift import TERMS, bend_little, median_size, row_sums
 from .workers import Workers, shared
 
 STRIPES = 20  # over the width; every other one belongs to the second half
 SMOOTH = 1e4  # 1/px^2, weight of bends: a row may bend its neighbours' line by 0.01 px (sigma)
 OUTLIER = 5.0  # sigma, beyond which a pixel says nothing
 MISPLACED = 0.1  # px, by which an edge may be off for reasons that are not the camera
-SOME = np.s_[::4, ::4]  # pixels that tell the noise of all
+SOME = 4  # every so many rows and columns tell the noise of all
 
 
 @dataclass(frozen=True)
@@ -54,10 +53,10 @@ def row_signal(
 
     """
     rows, columns = judged.shape
-    known = np.abs(residual[SOME][judged[SOME]])
-    if not known.size:
+    median = median_size(residual, judged, SOME)
+    if median < 0.0:
         return RowSignal(0.0, np.zeros((rows, TERMS), np.float32))
-    sigma = max(MIN_SIGMA, 1.4826 * float(np.median(known)))
+    sigma = max(MIN_SIGMA, 1.4826 * median)
     ends = -(-columns * np.arange(1, STRIPES + 1) // STRIPES)
     sums = np.empty((rows, 2, TERMS), np.float32)
 
@@ -81,23 +80,9 @@ def second_half(columns: np.ndarray, width: int) -> np.ndarray:
 
 def smooth_shifts(sums: np.ndarray) -> np.ndarray:
     """Shifts (M, 2) [px] that solve the normal equations `sums` (M, TERMS) and bend little."""
-    xx, xy, yy, r_x, r_y = sums[:, :5].astype(np.float64).T
-    rows = len(xx)
-    bands = np.zeros((5, 2 * rows))  # x and y of the rows take turns; bands[4 - k]: k above
-    bands[4, 0::2], bands[4, 1::2], bands[3, 1::2] = xx, yy, xy
-    diagonal, first, second = _bend(rows)
-    for e in (0, 1):
-        bands[4, e::2] += SMOOTH * (diagonal + 1e-6)  # the least that keeps rows without data still
-        bands[2, 2 + e :: 2] += SMOOTH * first
-        bands[0, 4 + e :: 2] += SMOOTH * second
-    return solveh_banded(bands, np.stack([r_x, r_y], axis=1).ravel()).reshape(rows, 2)
-
-
-def _bend(rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Diagonals 0, 1 and 2 of the penalty on second differences of `rows` values."""
-    diagonal, first = np.full(rows, 6.0), np.full(rows - 1, -4.0)
-    diagonal[[0, -1]], diagonal[[1, -2]], first[[0, -1]] = 1.0, 5.0, -2.0
-    return diagonal, first, np.ones(rows - 2)
+    shifts = np.empty((len(sums), 2))
+    bend_little(sums, SMOOTH, shifts)
+    return shifts
 
 
 def _explained(sums: np.ndarray, shift: np.ndarray) -> float:

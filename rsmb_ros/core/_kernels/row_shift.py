@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
 from .geometry import OPTIONS
 
+BAND = 4  # unknowns that one is coupled to: y of its row, and those of two rows on
 TERMS = 6  # g_x^2, g_x g_y, g_y^2, g_x r, g_y r, misfit
 
 
@@ -56,3 +59,59 @@ def row_sums(
                 other += terms[n, j] * halves[1, j]
             sums[i, 0, n] = one
             sums[i, 1, n] = other
+
+
+@njit(**OPTIONS)
+def median_size(residual, judged, step):
+    """Return the median of |residual| (M, N) where `judged`, of every so many rows and columns."""
+    rows, columns = residual.shape
+    sizes = np.empty(-(-rows // step) * -(-columns // step), np.float32)
+    count = 0
+    for i in range(0, rows, step):
+        for j in range(0, columns, step):
+            if judged[i, j]:
+                sizes[count] = abs(residual[i, j])
+                count += 1
+    return np.median(sizes[:count]) if count else np.float32(-1.0)
+
+
+@njit(**OPTIONS)
+def bend_little(sums, smooth, out):
+    """
+    Write shifts (M, 2) that solve the equations `sums` (M, TERMS) and `smooth` times their bend.
+
+    The penalty is on second differences, and the least on sizes that keeps rows without data still.
+    x and y of the rows take turns; the Cholesky factor of their band replaces it.
+    """
+    rows = sums.shape[0]
+    size = 2 * rows
+    band = np.zeros((size + BAND, BAND + 1))
+    solution = np.zeros(size + BAND)
+    for i in range(rows):
+        # the squares of (1, -2, 1) at each row but the ends
+        ends = min(i, rows - 1 - i)
+        own = 1.0 if ends == 0 else (5.0 if ends == 1 else 6.0)
+        beside = -2.0 if i == 0 or i == rows - 2 else -4.0
+        for e in range(2):
+            j = 2 * i + e
+            band[j, 0] = np.float64(sums[i, 2 * e]) + smooth * (own + 1e-6)
+            solution[j] = sums[i, 3 + e]
+            if i + 1 < rows:
+                band[j, 2] = smooth * beside
+            if i + 2 < rows:
+                band[j, 4] = smooth
+        band[2 * i, 1] = sums[i, 1]
+    for j in range(size):
+        root = math.sqrt(band[j, 0])
+        for d in range(BAND + 1):
+            band[j, d] /= root
+        solution[j] /= root
+        for d in range(1, BAND + 1):
+            for k in range(d, BAND + 1):
+                band[j + d, k - d] -= band[j, d] * band[j, k]
+            solution[j + d] -= band[j, d] * solution[j]
+    for j in range(size - 1, -1, -1):
+        for d in range(1, BAND + 1):
+            solution[j] -= band[j, d] * solution[j + d]
+        solution[j] /= band[j, 0]
+        out[j // 2, j % 2] = solution[j]
