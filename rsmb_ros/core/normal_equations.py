@@ -11,7 +11,7 @@ import numpy as np
 from ._kernels.fit_row import AHEAD, BLURRED, BRIGHTEST, EXPOSED, SPARE, TONES
 from ._kernels.geometry import RUN_STEP
 from ._kernels.iterate import MOST_CHANGE, ORDER, Plan, Room, Scene, iterate, relaxed
-from ._kernels.team import new_desk
+from ._kernels.team import CLOSED, NEXT, new_desk
 from .arrow import Arrow
 from .config import Config
 from .motion import Grid
@@ -155,8 +155,11 @@ class NormalEquations:
             fit.sigma, control, extras, control.copy(), extras.copy(),
         )  # fmt: skip
         others = partial(iterate, False, *data)
-        asked = [executor.ask(others) for _ in range(executor.helpers)] if executor else []
-        sigma, cost, used, iteration, width = iterate(True, *data)
+        try:
+            asked = [executor.ask(others) for _ in range(executor.helpers)] if executor else []
+            sigma, cost, used, iteration, width = iterate(True, *data)
+        finally:
+            desk[NEXT] = CLOSED  # whatever happens here, nobody waits for ever
         for helper in asked:
             helper.result()
         found = replace(
