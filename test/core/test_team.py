@@ -18,7 +18,7 @@ from rsmb_ros.core.reference import Reference
 from rsmb_ros.core.start import StripMatches
 from rsmb_ros.core.workers import Workers
 
-SHAPE = (120, 160)
+SHAPE = (240, 320)
 DEADLINE_S = 60.0
 PIECES, ROUNDS = 5, 400
 
@@ -71,7 +71,7 @@ def fitted(texture_of, executor):
     """Fit a small frame by so many threads."""
     image = texture_of(SHAPE[0] + 20, SHAPE[1] + 20, 31)
     reference = Reference(image[10:-10, 10:-10], 2.2)
-    estimator = PathEstimator(reference, Grid(SHAPE, SHAPE, 150.0), Config(), executor)
+    estimator = PathEstimator(reference, Grid(SHAPE, SHAPE, 300.0), Config(), executor)
     live = LiveImage(image[12:-8, 7:-13].astype(np.float32), 2.2)
     nothing = np.zeros((0, 2))
     return estimator.estimate(live, StripMatches(nothing, nothing, nothing, np.zeros(2), 1.0))
