@@ -67,14 +67,16 @@ def test_who_comes_too_late_touches_nothing():
     worked_off(False, desk, ROUNDS, np.zeros((0, 0), np.int64), np.zeros(0, np.int64))
 
 
-def fitted(texture_of, executor):
-    """Fit a small frame by so many threads."""
+def fitted(texture_of, executor, exposure=None):
+    """Fit a small frame by so many threads; where no `exposure` is given, some are tried."""
     image = texture_of(SHAPE[0] + 20, SHAPE[1] + 20, 31)
     reference = Reference(image[10:-10, 10:-10], 2.2)
     estimator = PathEstimator(reference, Grid(SHAPE, SHAPE, 300.0), Config(), executor)
     live = LiveImage(image[12:-8, 7:-13].astype(np.float32), 2.2)
     nothing = np.zeros((0, 2))
-    return estimator.estimate(live, StripMatches(nothing, nothing, nothing, np.zeros(2), 1.0))
+    return estimator.estimate(
+        live, StripMatches(nothing, nothing, nothing, np.zeros(2), 1.0), exposure
+    )
 
 
 def test_any_number_of_threads_finds_the_same(texture_of):
@@ -100,7 +102,7 @@ def test_nobody_waits_for_a_leader_that_fails(texture_of, monkeypatch):
     monkeypatch.setattr(equations, 'iterate', failing)
     with Workers(3) as executor:
         with pytest.raises(KeyboardInterrupt):
-            fitted(texture_of, executor)
+            fitted(texture_of, executor, exposure=10.0)
         (desk,) = desks
         sent_home = desk[team.NEXT] >= team.CLOSED
         desk[team.NEXT] = team.CLOSED  # else this test would not end where it fails
