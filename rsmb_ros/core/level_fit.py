@@ -27,8 +27,7 @@ RELINEARISE = 0.25  # px of the level the rows may move, rms, before Jacobians a
 # Per pyramid level, full size first; the last entry serves all coarser ones.
 ITERATIONS = (8, 16, 20)
 STOP_STEP = (0.01, 0.04, 0.3)  # px, how far a step still moves the rows, rms
-LATE_STOP = 0.05
-ENOUGH = 6
+ENOUGH, LATE_STOP = 6, 0.05  # iterations at full size after which so much [px] counts as rest
 STOOD = 0.05  # px likewise, of the first step of a fit that is near: it needs no second one
 # Stiffness at the first and from the fourth iteration: an object at another depth must not bend
 # the path while it is far off; a shaken camera must bend it in the end.

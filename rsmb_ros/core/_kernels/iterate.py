@@ -121,10 +121,9 @@ def count_instants(scene, exposure, control, step_px, room):
 def move(control, extras, step, start_exposure, to_control, to_extras):
     """Write where a step leads from a path and its extras: no leap, nor beyond the knots."""
     dof = (step.size - AHEAD) // control.shape[0]
-    to_control[:] = control
     for k in range(control.shape[0]):
-        for e in range(dof):
-            to_control[k, e] += step[k * dof + e]
+        for e in range(control.shape[1]):
+            to_control[k, e] = control[k, e] + (step[k * dof + e] if e < dof else 0.0)
     beyond = step.size - AHEAD
     for x in range(4):
         to_extras[x] = extras[x] + step[beyond + x]
@@ -139,7 +138,7 @@ def move(control, extras, step, start_exposure, to_control, to_extras):
     )
 
 
-@njit(**INLINED)
+@njit(inline='always', **OPTIONS)
 def work_off(desk, scene, room, control, extras, lens):
     """Do pieces of what is ordered, chunks of rows, until none is left."""
     chunks = scene.bounds.size - 1
@@ -249,9 +248,13 @@ def iterate(
         else:
             cost = new_cost
             used = new_used
-            at_control[:] = control
-            at_extras[:] = extras
-            before[:] = step
+            for k in range(control.shape[0]):
+                for e in range(control.shape[1]):
+                    at_control[k, e] = control[k, e]
+            for x in range(AHEAD):
+                at_extras[x] = extras[x]
+            for j in range(step.size):
+                before[j] = step[j]
             share, squared = next_step(
                 beliefs, relaxed(plan.stiffness, iteration), control, extras[EXPOSED], sigma,
                 band, room.borders[0], room.corners[0], gradient,

@@ -271,6 +271,19 @@ def row_steps(step, dof, times, first_time, knot_rows, knots, reach, seen):
 
 
 @njit(**INLINED)
+def copy_arrow(band, border, corner, to_band, to_border, to_corner):
+    """Copy an arrow, by loops: slices that are assigned take a quarter of a minute to compile."""
+    for j in range(band.shape[0]):
+        for d in range(band.shape[1]):
+            to_band[j, d] = band[j, d]
+        for x in range(AHEAD):
+            to_border[j, x] = border[j, x]
+    for x in range(AHEAD):
+        for y in range(AHEAD):
+            to_corner[x, y] = corner[x, y]
+
+
+@njit(**INLINED)
 def next_step(
     beliefs, stiffness, control, exposure, sigma, band, border, corner, gradient, believed_band,
     believed_border, believed_corner, factor_band, factor_border, factor_corner, before, share,
@@ -284,21 +297,21 @@ def next_step(
     frame do for ever: only a share of it is taken. Returns that share, after the last one, and how
     far the step moves the rows that are `seen`, mean square [px^2].
     """
-    believed_band[:] = band
-    believed_border[:] = border
-    believed_corner[:] = corner
-    step[:] = gradient
+    copy_arrow(band, border, corner, believed_band, believed_border, believed_corner)
+    for j in range(step.size):
+        step[j] = gradient[j]
     believe(
         beliefs, stiffness, control, exposure, sigma, believed_band, believed_border,
         believed_corner, step,
     )
-    factor_band[:] = believed_band
-    factor_border[:] = believed_border
-    factor_corner[:] = believed_corner
+    copy_arrow(
+        believed_band, believed_border, believed_corner, factor_band, factor_border, factor_corner
+    )
     if factorise(factor_band, factor_border, factor_corner):
         substitute(factor_band, factor_border, factor_corner, step)
     else:
-        step[:] = 0.0
+        for j in range(step.size):
+            step[j] = 0.0
     turned = 0.0
     for j in range(step.size):
         turned += step[j] * before[j]
