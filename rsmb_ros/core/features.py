@@ -60,7 +60,7 @@ class FeatureSearch:
         place = here[inside] - centre[:2]
         shift = there[inside] - centre[2:] - place
         offset = np.median(shift, axis=0)
-        return StripMatches(place, shift, np.ones_like(place), offset, 1.0)
+        return StripMatches(place, shift, np.ones_like(place), offset)
 
     @cached_property
     def _of_reference(self) -> tuple[np.ndarray, np.ndarray | None]:

@@ -164,15 +164,15 @@ class PathEstimator:
         start = self._fit_levels(points, self._start(matches, middle), finest + 1, False)
         few = points[finest].every(max(1, len(points[finest].rows) // TRIAL_ROWS))
 
-        def trial(exposure: float, shared: bool) -> PathFit:
+        def trial(exposure: float) -> PathFit:
             fit = _with_exposure(start, exposure)
             # a lens is told apart last: it would take the blur for its own before the exposure has
             # grown to its length, and does not give it back
             lens = exposure <= SHARP_ROWS
-            return self._fit_level(finest, few, fit, True, TRIAL, shared=shared, free_defocus=lens)
+            return self._fit_level(finest, few, fit, True, TRIAL, free_defocus=lens)
 
-        def finished(fit: PathFit, shared: bool = False) -> PathFit:
-            return self._fit_level(finest, points[finest], fit, True, shared=shared)
+        def finished(fit: PathFit) -> PathFit:
+            return self._fit_level(finest, points[finest], fit, True)
 
         best, *others = sorted(tried(self._executor, trial, exposures), key=lambda fit: fit.cost)
         rival = others[0] if others else best
@@ -180,7 +180,7 @@ class PathEstimator:
             both = each(self._executor, finished, (best, rival))
             best = min(both, key=lambda fit: fit.cost)
         else:
-            best = finished(best, shared=True)
+            best = finished(best)
         return self._fit_levels(points[:finest], best, 0, True)
 
     def _fit_levels(
@@ -203,29 +203,27 @@ class PathEstimator:
         free_exposure: bool,
         most: int | None = None,
         near: bool = False,
-        shared: bool = True,
         free_defocus: bool = True,
     ) -> PathFit:
-        level = self.level_fit(n, points, fit.path, shared)
+        level = self.level_fit(n, points, fit.path)
         return level.run(fit, free_exposure, most, near, free_defocus)
 
 
 def tried(
-    executor: Workers, trial: Callable[[float, bool], PathFit], exposures: Sequence[float]
+    executor: Workers, trial: Callable[[float], PathFit], exposures: Sequence[float]
 ) -> list[PathFit]:
     """
     Try `exposures` from the middle ones to where the least cost has been tried on both sides.
 
-    A longer one is only tried where the exposure has grown. `trial` is told whether threads may
-    share the work, as nothing else is tried meanwhile.
+    A longer one is only tried where the exposure has grown. Whoever is done with one helps the
+    others with theirs.
     """
     fits: dict[int, PathFit] = {}
     middle, last = len(exposures) // 2, len(exposures) - 1
     wanted = {middle, min(middle + 1, last)}
     while wanted:
         longest_last = sorted(wanted)  # the last are begun first
-        asked = [(exposures[n], len(wanted) == 1) for n in longest_last]
-        found = each(executor, lambda one: trial(*one), asked)
+        found = each(executor, trial, [exposures[n] for n in longest_last])
         fits.update(zip(longest_last, found, strict=True))
         best = min(sorted(fits), key=lambda n: fits[n].cost)
         wanted = {max(0, best - 1)}

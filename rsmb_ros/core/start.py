@@ -29,7 +29,6 @@ class StripMatches:
     shift: np.ndarray  # (n, 2) reference place - live place [px]
     weight: np.ndarray  # (n, 2) trust in the two components, >= 0
     offset: np.ndarray  # (2,) global vote: where the live centre lies [px from the ref. centre]
-    peak: float  # mean correlation of the vote's patches, 0..1; NaN without a vote
 
 
 def start_path(

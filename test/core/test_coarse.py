@@ -89,7 +89,7 @@ def test_a_start_path_is_the_robust_least_squares_of_its_matches(exposure, botto
     shift = np.array([8.0, -5.0]) + 0.03 * place[:, ::-1] * [-1, 1] + rng.normal(0, 0.5, (40, 2))
     shift[::9] += 30.0  # some are wrong
     weight = rng.uniform(0.1, 0.6, (40, 2))
-    matches = StripMatches(place, shift, weight, np.array([8.0, -5.0]), 0.8)
+    matches = StripMatches(place, shift, weight, np.array([8.0, -5.0]))
     longest = 1.6 * exposure + 4.0
     path = start_path(matches, grid, 24.0, exposure, longest, bottom_up)
     solution = _dense(matches, still_path(grid, 24.0, exposure, longest, bottom_up))
@@ -135,7 +135,7 @@ def _dense(matches, path):
 def test_few_matches_give_the_offset_alone():
     none = np.zeros((0, 2))
     path = start_path(
-        StripMatches(none, none, none, np.array([3.0, -2.0]), 0.1),
+        StripMatches(none, none, none, np.array([3.0, -2.0])),
         Grid((48, 64), (48, 64), 60.0), 24.0, 5.0, 12.0, bottom_up=False,
     )  # fmt: skip
     np.testing.assert_array_equal(

@@ -37,7 +37,7 @@ def fit_of(exposure, cost, found=None):
 def test_an_exposure_is_tried_only_beside_the_best(executor, costs, asked):
     cost_of = dict(zip(COLD_EXPOSURES, costs, strict=True))
 
-    def trial(exposure, shared):
+    def trial(exposure):
         return fit_of(exposure, cost_of[exposure], found=1.1 * exposure)
 
     fits = tried(executor, trial, COLD_EXPOSURES)
@@ -48,27 +48,16 @@ def test_an_exposure_is_tried_only_beside_the_best(executor, costs, asked):
 def test_a_longer_exposure_is_tried_only_where_the_best_has_grown(executor):
     cost_of = dict(zip(COLD_EXPOSURES, (9, 6, 5, 4, 3), strict=True))
 
-    def trial(exposure, shared):
+    def trial(exposure):
         return fit_of(exposure, cost_of[exposure], found=0.9 * exposure)
 
     fits = tried(executor, trial, COLD_EXPOSURES)
     assert {round(fit.path.exposure_rows / 0.9) for fit in fits} == {36, 90}
 
 
-def test_threads_share_a_trial_that_is_alone(executor):
-    shared_by = {}
-
-    def trial(exposure, shared):
-        shared_by[exposure] = shared
-        return fit_of(exposure, abs(exposure - 12))
-
-    tried(executor, trial, COLD_EXPOSURES)
-    assert shared_by == {36: False, 90: False, 12: True, 3: True}
-
-
 @pytest.mark.parametrize('exposures', [(3.0,), (3.0, 12.0)])
 def test_of_few_all_are_tried(executor, exposures):
-    fits = tried(executor, lambda exposure, shared: fit_of(exposure, 1.0), exposures)
+    fits = tried(executor, lambda exposure: fit_of(exposure, 1.0), exposures)
     assert {fit.path.exposure_rows for fit in fits} == set(exposures)
 
 

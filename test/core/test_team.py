@@ -74,9 +74,7 @@ def fitted(texture_of, executor, exposure=None):
     estimator = PathEstimator(reference, Grid(SHAPE, SHAPE, 300.0), Config(), executor)
     live = LiveImage(image[12:-8, 7:-13].astype(np.float32), 2.2)
     nothing = np.zeros((0, 2))
-    return estimator.estimate(
-        live, StripMatches(nothing, nothing, nothing, np.zeros(2), 1.0), exposure
-    )
+    return estimator.estimate(live, StripMatches(nothing, nothing, nothing, np.zeros(2)), exposure)
 
 
 def test_any_number_of_threads_finds_the_same(texture_of):
