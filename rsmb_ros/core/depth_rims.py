@@ -7,12 +7,13 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from .layers import Layer, padded
+from .layers import Layer
 from .segmentation import BASE_PIXELS, Blob, blobs, drawn
 
 WIDTH = 7.0  # px, at 640x480: wider is no rim
 SLENDER = 2.5  # times as long as wide at least
-BESIDE = 26.0  # px between a rim and what of the object was explained
+BESIDE = 26.0  # px between a rim and what of the object was explained, ...
+LONG = 0.5  # ... or this share of the rim's length, if that is more
 
 
 def depth_rims(mask: np.ndarray, layers: Sequence[Layer]) -> np.ndarray:
@@ -25,19 +26,19 @@ def depth_rims(mask: np.ndarray, layers: Sequence[Layer]) -> np.ndarray:
     if not layers:
         return np.zeros_like(mask)
     scale = float(np.sqrt(mask.size / BASE_PIXELS))
-    near = [padded(layer.blob, mask.shape, round(BESIDE * scale)).box for layer in layers]
-    close = np.zeros(mask.shape, np.uint8)
-    for layer, box in zip(layers, near, strict=True):
-        own = np.zeros(mask.shape, np.uint8)[box]
-        top, left = layer.blob.y - box[0].start, layer.blob.x - box[1].start
-        rows, cols = layer.blob.mask.shape
-        own[top : top + rows, left : left + cols] = layer.blob.mask
-        size = 2 * round(BESIDE * scale) + 1
-        close[box] |= cv2.dilate(own, np.ones((size, size), np.uint8))
+    objects = np.uint8(1) - drawn([layer.blob for layer in layers], mask.shape)
+    far = cv2.distanceTransform(objects, cv2.DIST_C, 3)  # from the next object [px]
     rims = [
-        blob for blob in blobs(mask) if _slender(blob, scale) and close[blob.box][blob.mask].any()
+        blob
+        for blob in blobs(mask)
+        if _slender(blob, scale) and far[blob.box][blob.mask].min() <= _reach(blob, scale)
     ]
     return drawn(rims, mask.shape)
+
+
+def _reach(blob: Blob, scale: float) -> float:
+    """Return how far from a rim the object it belongs to may begin [px]: a long one's is large."""
+    return max(BESIDE * scale, LONG * max(blob.mask.shape))
 
 
 def _slender(blob: Blob, scale: float) -> bool:

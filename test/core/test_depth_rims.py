@@ -29,6 +29,7 @@ def found(rows, cols, layers=(ROOF,), shape=SHAPE):
         (np.s_[150:230], np.s_[303:309]),  # beside the wall
         (np.s_[240:246], np.s_[210:260]),  # below it
         (np.s_[170:200], np.s_[240:246]),  # on the roof
+        (np.s_[150:230], np.s_[335:341]),  # as long as a wall that is explained in part
     ],
 )
 def test_long_thin_pieces_beside_a_static_object_are_rims(rows, cols):
@@ -39,6 +40,7 @@ def test_long_thin_pieces_beside_a_static_object_are_rims(rows, cols):
     ('rows', 'cols'),
     [
         (np.s_[150:230], np.s_[400:406]),  # far from it
+        (np.s_[150:180], np.s_[330:336]),  # not so far, but short
         (np.s_[150:230], np.s_[303:315]),  # wide
         (np.s_[170:180], np.s_[303:311]),  # compact: a person, a box
     ],
