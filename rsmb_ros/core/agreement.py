@@ -27,6 +27,7 @@ class Agreement:
     asked: np.ndarray  # (r, c) bool, blocks with texture
     agreed: np.ndarray  # (r, c) bool, those of them whose grey levels correlate
     size: int  # of a block [px]
+    bands: np.ndarray  # (r,) correlation of all blocks beside each other, NaN where none is known
 
     @property
     def share(self) -> float | None:
@@ -70,9 +71,15 @@ def agreement(
     block_moments(predicted, live, complete, size, means)
     mean_p, mean_l, square_p, square_l, product, known = np.moveaxis(means, -1, 0)
     var_p, var_l, both = square_p - mean_p**2, square_l - mean_l**2, product - mean_p * mean_l
-    asked = (known > ALL) & (np.maximum(var_p, var_l) > MIN_CONTRAST**2)
+    inside = known > ALL
+    asked = inside & (np.maximum(var_p, var_l) > MIN_CONTRAST**2)
     correlation = both / np.sqrt(np.maximum(var_p * var_l, 1e-6))
-    return Agreement(asked, asked & (correlation > MIN_CORRELATION), size)
+    common, power_p, power_l = (
+        np.where(inside, one, 0.0).sum(axis=1) for one in (both, var_p, var_l)
+    )
+    bands = common / np.sqrt(np.maximum(power_p * power_l, 1e-6))
+    bands[~inside.any(axis=1)] = np.nan
+    return Agreement(asked, asked & (correlation > MIN_CORRELATION), size, bands)
 
 
 def block_size(columns: int, across: int = BLOCKS_ACROSS) -> int:

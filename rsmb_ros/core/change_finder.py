@@ -22,7 +22,7 @@ from .entropy import entropy_candidates
 from .evidence import EVIDENCE_WINDOW, OUTLINE_WINDOW, NoiseTable, Texture, box_rms
 from .frame import RegisteredFrame
 from .layers import Layer
-from .lost_rows import unlike_rows
+from .lost_rows import row_agreement, row_doubts, unlike_rows
 from .motion import CameraPath
 from .path_stage import PathStage
 from .refused import Refused
@@ -127,11 +127,12 @@ class ChangeFinder:
                 rival = self._settled(stage, other, clock, refused, tried)
                 if rival is not None and rival.better_than(finding):
                     finding = rival
-        lost = unlike_rows(finding.frame, finding.frame.grey)
-        if not lost.any():
-            return finding
-        finding.frame.lose(lost)
-        return replace(finding, lost=lost)
+        frame, rows = finding.frame, len(finding.frame.grey)
+        lost = unlike_rows(row_agreement(frame.predicted, frame.grey, frame.complete), rows)
+        ground = frame.complete & (finding.seen.mask == 0)  # as far as that is told
+        doubts = row_doubts(row_agreement(frame.predicted, frame.grey, ground), rows)
+        frame.doubt(np.where(lost, np.inf, doubts))
+        return replace(finding, lost=lost) if lost.any() else finding
 
     def _settled(
         self,

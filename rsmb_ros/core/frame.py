@@ -64,9 +64,9 @@ class RegisteredFrame(ABC):
         self.judged = ~self._clipped()
         self.judged &= waited()
 
-    def lose(self, rows: np.ndarray) -> None:
-        """Judge nothing in the `rows` (M,) bool: the path does not lie there."""
-        self.judged[rows] = False
+    def doubt(self, factors: np.ndarray) -> None:
+        """Judge no rows whose place is infinitely less certain than it was: `factors` (M,)."""
+        self.judged[np.isinf(factors)] = False
 
     def moved(self, path: CameraPath) -> float:
         """Return how far another path puts the rows that show some of the reference, at most."""
@@ -267,10 +267,10 @@ class PathFrame(RegisteredFrame):
         """Standard deviation of each row's place (M,) [px], from the Hessian."""
         return row_uncertainty(self.fit)
 
-    def lose(self, rows: np.ndarray) -> None:
-        """Judge nothing in the `rows` (M,) bool, and say that nothing is known of their place."""
-        super().lose(rows)
-        self.row_uncertainty[rows] = np.inf
+    def doubt(self, factors: np.ndarray) -> None:
+        """Say that rows' places are `factors` (M,) times less certain; judge none that are lost."""
+        super().doubt(factors)
+        self.row_uncertainty *= factors
 
     @property
     def exposure_rows(self) -> float:

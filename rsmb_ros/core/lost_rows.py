@@ -12,7 +12,7 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from .agreement import MIN_BLOCKS, agreement, block_size
+from .agreement import MIN_BLOCKS, Agreement, agreement, block_size
 
 BLOCKS_ACROSS = 40  # blocks over the image's width; a band of rows is one of them high, ...
 LEAST_SIZE = 16  # ... and so many px at least: smaller ones agree by chance
@@ -23,6 +23,10 @@ MOST = 0.4  # of the frame; more is no end
 LITTLE = 0.2  # share of the blocks that agree below which a band may be lost, and is ...
 IN_TURN = 5  # ... where so many bands are: large changes and noise leave more in most
 BEYOND = 1  # bands beyond them, in which a path may be off by little
+# Correlation of a band below which it is doubtful: on usual ground .94 and more in nine of ten; on
+# bare ground .2 to .96 where rows are right, up to .62 where they are off by more than a fit says.
+ALIKE = 0.9
+LEAST_ALIKE = 1e-2
 
 
 class Compared(Protocol):
@@ -65,14 +69,32 @@ def lost_rows(frame: Compared, grey: np.ndarray) -> np.ndarray:
     return lost
 
 
-def unlike_rows(frame: Compared, grey: np.ndarray) -> np.ndarray:
+def row_agreement(predicted: np.ndarray, grey: np.ndarray, known: np.ndarray) -> Agreement:
+    """Return the `agreement` of a frame in blocks so small that bands of rows are told apart."""
+    return agreement(predicted, grey, known, _across(grey))
+
+
+def row_doubts(found: Agreement, rows: int) -> np.ndarray:
     """
-    Mark the rows (M,) bool of a frame, see `lost_rows`, in which hardly anything agrees.
+    Return how many times less certain than a fit says the place of each row is (M,), 1 and more.
+
+    A fit takes noise for texture where there is hardly any, and believes that it knows the place.
+    Noise is not the same in the frame and its prediction: they correlate less for it. `found` is
+    of the ground: what has changed says nothing.
+    """
+    alike = np.maximum(np.nan_to_num(found.bands, nan=1.0), LEAST_ALIKE)
+    bands = np.maximum(ALIKE / alike, 1.0)
+    at = np.minimum(np.arange(rows) // found.size, len(bands) - 1)
+    return bands[at]
+
+
+def unlike_rows(found: Agreement, rows: int) -> np.ndarray:
+    """
+    Mark the rows (M,) bool of a frame, see `row_agreement`, in which hardly anything agrees.
 
     And those next to them, up to where most does and a little further: a path leaves its rows
     little by little.
     """
-    found = agreement(frame.predicted, grey, frame.complete, _across(grey))
     asked, agreed = found.asked.sum(axis=1), found.agreed.sum(axis=1)
     known = asked >= MIN_BLOCKS
     unlike = (known & (agreed < LITTLE * asked)).astype(np.uint8)[:, None]
@@ -81,9 +103,9 @@ def unlike_rows(frame: Compared, grey: np.ndarray) -> np.ndarray:
     between = np.cumsum(right)  # the same for all bands between two that are right
     lost = (~right & np.isin(between, between[in_turn])).astype(np.uint8)[:, None]
     lost = cv2.dilate(lost, np.ones((2 * BEYOND + 1, 1), np.uint8))[:, 0] > 0
-    rows = np.zeros(len(grey), bool)
-    rows[: len(lost) * found.size] = lost.repeat(found.size)
-    return rows
+    marked = np.zeros(rows, bool)
+    marked[: len(lost) * found.size] = lost.repeat(found.size)
+    return marked
 
 
 def _across(grey: np.ndarray) -> int:

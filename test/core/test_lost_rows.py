@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-from rsmb_ros.core.lost_rows import unlike_rows
+from rsmb_ros.core.lost_rows import row_agreement, row_doubts, unlike_rows
 
 SHAPE = (240, 320)
 BAND = 16  # px, as high as a block of such a frame is wide
@@ -22,7 +20,7 @@ def images(texture_of):
 
 def unlike(predicted, live, complete=None):
     known = np.ones(SHAPE, bool) if complete is None else complete
-    return unlike_rows(SimpleNamespace(predicted=predicted, complete=known), live)
+    return unlike_rows(row_agreement(predicted, live, known), len(live))
 
 
 @pytest.mark.parametrize('first, last', [(0, 96), (80, 176), (144, 240)])
@@ -82,3 +80,50 @@ def test_unlike_rows_end_at_the_next_one_that_is_right_on_both_sides(images):
         live[rows, 90:] = elsewhere[rows, 90:]
     rows = np.flatnonzero(unlike(ground, live))
     np.testing.assert_array_equal(rows, np.arange(64 - BAND, 192 + BAND))
+
+
+def doubts(predicted, live, known=None):
+    known = np.ones(predicted.shape, bool) if known is None else known
+    return row_doubts(row_agreement(predicted, live, known), len(live))
+
+
+def test_rows_of_a_frame_in_its_place_are_not_doubted(images):
+    ground, _, noise = images
+    np.testing.assert_array_equal(doubts(ground, ground + noise), 1.0)
+
+
+def test_rows_in_which_noise_is_all_there_is_are_doubted(images):
+    ground, _, noise = images
+    ground = ground.copy()
+    ground[80:160] = 0.02 * ground[80:160]
+    other = np.random.default_rng(9).normal(0, 2.0, SHAPE)  # that of the reference
+    found = doubts((ground + other).astype(np.float32), ground + noise)
+    assert found[80:160].min() > 4.0
+    np.testing.assert_array_equal(found[:80], 1.0)
+    np.testing.assert_array_equal(found[160:], 1.0)
+
+
+def test_a_change_is_no_doubt(images):
+    ground, elsewhere, noise = images
+    live, known = ground + noise, np.ones(SHAPE, bool)
+    live[64:160, 40:], known[64:160, 40:] = elsewhere[64:160, 40:], False
+    assert doubts(ground, live)[64:160].min() > 1.5
+    np.testing.assert_array_equal(doubts(ground, live, known), 1.0)
+
+
+def test_nothing_is_said_of_rows_without_a_reference(images):
+    ground, elsewhere, _ = images
+    known = np.ones(SHAPE, bool)
+    known[:32] = False
+    live = ground.copy()
+    live[:32] = elsewhere[:32]
+    np.testing.assert_array_equal(doubts(ground, live, known), 1.0)
+
+
+def test_rows_below_the_last_band_are_like_it(texture_of):
+    ground, elsewhere = (texture_of(250, 320, seed).astype(np.float32) for seed in (4, 44))
+    live = ground.copy()
+    live[224:] = elsewhere[224:]
+    found = doubts(ground, live)
+    assert found[224:].min() > 1.5
+    assert len(found) == 250

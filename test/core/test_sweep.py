@@ -171,7 +171,7 @@ def agreeing(*shares: float, blocks: int = 20) -> Agreement:
     """Return what agrees, by the share of each band; nothing is asked where it is below 0."""
     asked = np.array([[share >= 0.0] * blocks for share in shares])
     agreed = np.array([np.arange(blocks) < share * blocks for share in shares])
-    return Agreement(asked, asked & agreed, 16)
+    return Agreement(asked, asked & agreed, 16, agreed.mean(axis=1))
 
 
 @pytest.mark.parametrize(
