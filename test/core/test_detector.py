@@ -11,6 +11,7 @@ from row_places import row_errors, row_places
 
 from rsmb_ros.core import Camera, Config, ConfigError, Detector, FrameError
 from rsmb_ros.core.motion import Grid
+from rsmb_ros.core.path_fit import row_uncertainty
 from rsmb_ros.core.shutter import ShutterTiming
 from rsmb_ros.core.synthesis import (
     CHANGED,
@@ -125,6 +126,16 @@ def test_stated_uncertainty_is_of_the_size_of_the_error(texture):
     centre = errors(found, result)[SHAPE[0] : 2 * SHAPE[0]]
     ratio = np.sqrt(np.mean(centre**2)) / np.sqrt(np.mean(result.row_uncertainty**2))
     assert 0.2 < ratio < 3.0
+
+
+def test_rows_that_show_little_but_noise_are_less_certain_than_the_fit_says(texture):
+    bare = texture.astype(np.float32)
+    bare[130:210] = 110.0 + 0.015 * (bare[130:210] - 110.0)  # rows 90 to 170 of the frame
+    found = case(bare)
+    result = Detector(found.reference, CAMERA).detect(found.live)
+    factors = result.row_uncertainty / row_uncertainty(result.views.fit)
+    assert factors[112:144].min() > 2.0
+    np.testing.assert_allclose(factors[[*range(64), *range(192, 240)]], 1.0)
 
 
 def test_reference_may_be_larger_than_the_frame(texture_of):
