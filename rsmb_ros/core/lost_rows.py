@@ -82,6 +82,8 @@ def row_doubts(found: Agreement, rows: int) -> np.ndarray:
     Noise is not the same in the frame and its prediction: they correlate less for it. `found` is
     of the ground: what has changed says nothing.
     """
+    if not found.bands.size:  # the frame is lower than a block
+        return np.ones(rows)
     alike = np.maximum(np.nan_to_num(found.bands, nan=1.0), LEAST_ALIKE)
     bands = np.maximum(ALIKE / alike, 1.0)
     at = np.minimum(np.arange(rows) // found.size, len(bands) - 1)

@@ -48,7 +48,7 @@ class GlobalVote:
         self, reference: np.ndarray, search_fraction: float, wobble: int, executor: Workers
     ) -> None:
         self._reference = reference
-        self._textured = local_contrast(reference)
+        self.textured = _local_contrast(reference)  # (M, N) float32, 0 where ground is flat
         self._fraction = search_fraction
         self._wobble = wobble
         self._near = np.ones((2 * wobble + 1,) * 2, np.uint8)
@@ -85,7 +85,8 @@ class GlobalVote:
             row, col = corner
             begin, end = begin_of(corner), end_of(corner)
             piece = image[row : row + patch[0], col : col + patch[1]]
-            if any(end[k] - begin[k] < patch[k] for k in (0, 1)) or _spread(piece) < MIN_CONTRAST:
+            beyond = any(end[k] - begin[k] < patch[k] for k in (0, 1))
+            if beyond or not piece.size or _spread(piece) < MIN_CONTRAST:
                 return None
             return cv2.dilate(self._correlate(piece, begin, end), self._near)
 
@@ -103,14 +104,14 @@ class GlobalVote:
         window = np.s_[begin[0] : end[0], begin[1] : end[1]]
         scores = cv2.matchTemplate(self._reference[window], piece, cv2.TM_CCOEFF_NORMED)
         height, width = piece.shape
-        textured = self._textured[window][
+        textured = self.textured[window][
             height // 2 : height // 2 + scores.shape[0], width // 2 : width // 2 + scores.shape[1]
         ]
         np.fmin(np.fmax(scores, 0.0, out=scores), 1.0, out=scores)  # 0 where OpenCV has no number
         return np.multiply(scores, textured, out=scores)
 
 
-def local_contrast(image: np.ndarray) -> np.ndarray:
+def _local_contrast(image: np.ndarray) -> np.ndarray:
     """1 where the neighbourhood has contrast, else 0: correlation of flat ground is noise."""
     mean = cv2.blur(image, (9, 9))
     variance = cv2.blur(image * image, (9, 9)) - mean * mean

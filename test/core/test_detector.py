@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 from row_places import row_errors, row_places
 
-from rsmb_ros.core import Camera, Config, ConfigError, Detector, FrameError
+from rsmb_ros.core import (
+    NOT_REGISTERED,
+    REGISTERED,
+    Camera,
+    Config,
+    ConfigError,
+    Detector,
+    FrameError,
+)
 from rsmb_ros.core.motion import Grid
 from rsmb_ros.core.path_fit import row_uncertainty
 from rsmb_ros.core.shutter import ShutterTiming
@@ -126,6 +134,15 @@ def test_stated_uncertainty_is_of_the_size_of_the_error(texture):
     centre = errors(found, result)[SHAPE[0] : 2 * SHAPE[0]]
     ratio = np.sqrt(np.mean(centre**2)) / np.sqrt(np.mean(result.row_uncertainty**2))
     assert 0.2 < ratio < 3.0
+
+
+@pytest.mark.parametrize('shape', [(32, 2000), (2000, 32), (32, 32)])
+def test_a_narrow_strip_is_a_result_not_an_exception(texture_of, shape):
+    image = texture_of(shape[0] + 4, shape[1] + 4, 5)
+    result = Detector(image[2:-2, 2:-2]).detect(image[2:-2, 3:-1])
+    assert result.status in (REGISTERED, NOT_REGISTERED)
+    assert result.change_mask.shape == result.valid_mask.shape == shape
+    assert len(result.row_uncertainty) == shape[0]
 
 
 def test_rows_that_show_little_but_noise_are_less_certain_than_the_fit_says(texture):

@@ -127,3 +127,8 @@ def test_rows_below_the_last_band_are_like_it(texture_of):
     found = doubts(ground, live)
     assert found[224:].min() > 1.5
     assert len(found) == 250
+
+
+def test_a_frame_lower_than_a_block_is_not_doubted(texture_of):
+    ground = texture_of(32, 2000, 4).astype(np.float32)
+    np.testing.assert_array_equal(doubts(ground, ground[:, ::-1].copy()), np.ones(32))
